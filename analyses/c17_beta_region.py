@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from hovercontrol.analysis import beta_region, decay, lyapunov_function
+from hovercontrol.analysis import decay, lyapunov_function
 from hovercontrol.analysis.output import Progress, save, script
+from hovercontrol.documents.c17.gains import beta_region
 
 
 def main(out: Path, progress: Progress | None = None, *, k1: float = 2.0, points: int = 200) -> list[Path]:

@@ -6,8 +6,8 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from hovercontrol.analysis import gain_region
 from hovercontrol.analysis.output import Progress, save, script
+from hovercontrol.documents.c17.gains import gain_region
 
 
 def main(out: Path, progress: Progress | None = None, *, points: int = 200) -> list[Path]:

@@ -8,8 +8,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from hovercontrol.analysis import Region, clopper_pearson, region_of_attraction
+from hovercontrol.analysis import Region
 from hovercontrol.analysis.output import Progress, save, script
+from hovercontrol.documents.c17.interconnection import clopper_pearson, region_of_attraction
 
 
 def main(

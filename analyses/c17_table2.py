@@ -10,8 +10,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from hovercontrol.analysis.c17.table_two import PRINTED, TableTwo, table_two
 from hovercontrol.analysis.output import Progress, save, script
+from hovercontrol.documents.c17.table_two import PRINTED, TableTwo, table_two
 
 #: Line styles of curves side by side.
 LINES = ("k-", "k--", "k:", "k-.")

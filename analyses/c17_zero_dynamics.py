@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from hovercontrol.analysis import Region, arm_region
+from hovercontrol.analysis import Region
 from hovercontrol.analysis.output import Progress, save, script
+from hovercontrol.documents.c17.arm_region import arm_region
 
 #: Of C17's simulation [kg, kg m^2].
 MASS, INERTIA = 0.585, 0.01

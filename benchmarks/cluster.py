@@ -9,7 +9,7 @@ from concurrent.futures import Executor, ThreadPoolExecutor
 
 import numpy as np
 
-from hovercontrol.analysis.c17.loops import tracking_loop
+from hovercontrol.analysis.loops import tracking_loop
 from hovercontrol.models.vehicles import c17_simulation
 from hovercontrol.targets.executors import cluster, sweep_on
 from hovercontrol.targets.sweep import FIGURES, SweepResult

@@ -28,9 +28,9 @@ TYPE_CHECKING = False  # as in typing, which takes a while to import
 if TYPE_CHECKING:
     from typing import Any
 
-    from hovercontrol.analysis.common.frequency import bode, nyquist
-    from hovercontrol.analysis.common.margins import margins
-    from hovercontrol.analysis.common.sensitivity import sensitivity
+    from hovercontrol.analysis.frequency import bode, nyquist
+    from hovercontrol.analysis.margins import margins
+    from hovercontrol.analysis.sensitivity import sensitivity
     from hovercontrol.animation.animate import animate
     from hovercontrol.animation.path import plot_path
     from hovercontrol.controllers import gain_scheduled, lqi, lqr, pid, place, tracking_controller
@@ -154,9 +154,9 @@ __all__ = [
 
 #: Where each public name is defined. A module is imported when it is asked for: SymPy takes 0.7 s.
 _PLACES = {
-    "analysis.common.frequency": ("bode", "nyquist"),
-    "analysis.common.margins": ("margins",),
-    "analysis.common.sensitivity": ("sensitivity",),
+    "analysis.frequency": ("bode", "nyquist"),
+    "analysis.margins": ("margins",),
+    "analysis.sensitivity": ("sensitivity",),
     "controllers": ("gain_scheduled", "lqi", "lqr", "pid", "place", "tracking_controller"),
     "animation.animate": ("animate",),
     "animation.path": ("plot_path",),

@@ -16,22 +16,10 @@ _INTO = {
     "io": "files plain_json pythonfile tables",
     "controllers": "references",
 }
-_ANALYSIS = {
-    "c17": "experiment_design gains interconnection iss loops lyapunov normal_form table_two zero_dynamics",
-    "common": "delayed_law directions excitation margins observability packet_loss polynomials regions "
-    "stabilizability",
-    "k06": "basins bench bench_blocks budget ins_monte_carlo law_regions reverse_error trials variable_pitch",
-}
 
 #: Where each former module lies now, both without the package's name.
 MOVED = {
     **{name: f"{package}.{name}" for package, names in _INTO.items() for name in names.split()},
-    **{
-        f"analysis.{name}": f"analysis.{package}.{name}"
-        for package, names in _ANALYSIS.items()
-        for name in names.split()
-    },
-    "analysis.flights": "analysis.c17.reference_runs",
     "model_template": "models.template",
     "noise": "core.random_numbers",
     "commands.progress": "notebook.progress",

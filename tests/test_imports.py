@@ -21,8 +21,8 @@ LAYERS = (
     {"estimation"},
     {"autopilot", "scenarios"},
     {"discrepancy", "identify", "monitor", "analysis", "fmi", "samples", "animation"},
-    {"log_check", "reproduce", "schema"},
-    {"cockpit", "commands"},
+    {"log_check", "schema"},
+    {"cockpit", "commands", "documents"},
     {"cli"},
 )
 HEIGHT = {package: height for height, layer in enumerate(LAYERS) for package in layer}

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from generate.pages import code, table, toctree, write
-from hovercontrol.reproduce import all_items
+from hovercontrol.documents import all_items
 
 #: Indexes of ``hovercontrol reproduce`` and some of its pictures, made by ``make pictures``.
 KEPT = Path(__file__).parents[1] / "pictures" / "reproduce"

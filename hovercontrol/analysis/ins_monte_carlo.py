@@ -17,6 +17,7 @@ from hovercontrol.core.block import Block
 from hovercontrol.estimators.ins.noise import SensorErrors
 from hovercontrol.hardware.sensors.beacons import Beacons
 from hovercontrol.io.short_repr import short_repr
+from hovercontrol.simulation.sampled import SampledFilter
 
 Array = NDArray[np.float64]
 
@@ -190,7 +191,7 @@ def ranged(
     return inputs
 
 
-def inputs_of(block: Block, inputs: Mapping[str, Array]) -> dict[str, Array]:
+def inputs_of(block: Block | SampledFilter, inputs: Mapping[str, Array]) -> dict[str, Array]:
     """Return the inputs of the Block."""
     return {s.name: inputs[s.name] for s in block.inputs}
 

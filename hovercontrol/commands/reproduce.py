@@ -28,9 +28,9 @@ def reproduce(
 
     The index lists the items of this run. Exit status 1 if an item differs from the printed value.
     """
-    from hovercontrol.reproduce import chosen_items
-    from hovercontrol.reproduce import reproduce as rebuild
-    from hovercontrol.reproduce.index import index_content
+    from hovercontrol.documents import chosen_items
+    from hovercontrol.documents import reproduce as rebuild
+    from hovercontrol.documents.index import index_content
 
     items = chosen_items(document, only or [])
     if list_:

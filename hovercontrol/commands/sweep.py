@@ -162,7 +162,7 @@ def _range(text: str) -> tuple[str, NDArray[np.float64]]:
         points = 0
     if not (key and equals and len(parts) == 3 and points):
         raise InputError(f"--vary: expected KEY=FROM:TO:POINTS, found {shown(text)}")
-    from hovercontrol.analysis.common.regions import axis
+    from hovercontrol.analysis.regions import axis
     from hovercontrol.scenarios.varied import MAX_RUNS
 
     if points > MAX_RUNS:

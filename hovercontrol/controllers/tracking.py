@@ -46,7 +46,7 @@ def tracking_controller(
     control_point_side : float, optional
         delta_y [m], how far to the left of the centre line it lies. C17's laws allow it, but its Theorem 4
         does not: r' then has a term in r^2, so that the yaw rate escapes in finite time to one side
-        (:func:`~hovercontrol.analysis.c17.zero_dynamics`). A parameter of the Block only where it is not 0.
+        (:func:`~hovercontrol.analysis.zero_dynamics`). A parameter of the Block only where it is not 0.
     k1, k2 : float, optional
         Gains [1/s^2, 1/s], positive.
     adapt : sequence of str, optional

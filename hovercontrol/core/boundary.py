@@ -218,7 +218,7 @@ def names_for_checkers(module: str) -> dict[str, Any]:
 
     Examples
     --------
-    >>> names_for_checkers("hovercontrol.analysis.common.regions")["pyarrow"].__name__
+    >>> names_for_checkers("hovercontrol.analysis.regions")["pyarrow"].__name__
     'pyarrow'
     """
     names: dict[str, Any] = {}

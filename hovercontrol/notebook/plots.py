@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 
 if TYPE_CHECKING:
     from hovercontrol.analysis.budget import Budget
-    from hovercontrol.analysis.c17.iss import IssGain
-    from hovercontrol.analysis.common.margins import FrozenMargins
+    from hovercontrol.analysis.iss import IssGain
+    from hovercontrol.analysis.margins import FrozenMargins
     from hovercontrol.discrepancy.diagnosis import Diagnosis
     from hovercontrol.identify.result import Identified
     from hovercontrol.logs import Log

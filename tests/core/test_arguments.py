@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 import hovercontrol as hc
-from hovercontrol.analysis.c17.iss import simulated_errors
-from hovercontrol.analysis.common.directions import Direction
-from hovercontrol.analysis.common.excitation import excitation
+from hovercontrol.analysis.directions import Direction
+from hovercontrol.analysis.excitation import excitation
+from hovercontrol.analysis.iss import simulated_errors
 from hovercontrol.discrepancy import diagnose
 from hovercontrol.errors import InputError
 from hovercontrol.hardware.actuators import fan_force, fan_tables, rudder_of_force_angle

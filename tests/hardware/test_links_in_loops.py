@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hovercontrol.analysis.common.packet_loss import PacketLoop
+from hovercontrol.analysis.packet_loss import PacketLoop
 from hovercontrol.core.block import Block
 from hovercontrol.core.functions import numpy_functions
 from hovercontrol.core.signals import Signal

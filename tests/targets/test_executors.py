@@ -11,7 +11,7 @@ import pyarrow.parquet
 import pytest
 
 from hovercontrol import Block, InputError, Signal
-from hovercontrol.analysis.c17.loops import tracking_loop
+from hovercontrol.analysis.loops import tracking_loop
 from hovercontrol.models.vehicles import c17_simulation
 from hovercontrol.targets.executors import cluster, sweep_on
 from hovercontrol.targets.sweep import FIGURES

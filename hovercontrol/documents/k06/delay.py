@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from hovercontrol.analysis.common.delayed_law import DelayedLoop
+from hovercontrol.analysis.delayed_law import DelayedLoop
 from hovercontrol.analysis.output import Progress, save
 from hovercontrol.documents.k06.law_loop import ROUND_TRIP, force_craft, trial_numbers
 

@@ -9,7 +9,7 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from hovercontrol.analysis.c17.normal_form import symbol
+from hovercontrol.analysis.normal_form import symbol
 from hovercontrol.controllers.k06 import force_to_command
 from hovercontrol.controllers.k06.laws import FORCE_X, FORCE_Y, SURGE_REF
 from hovercontrol.core.block import Block

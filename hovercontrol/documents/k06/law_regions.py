@@ -10,7 +10,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from hovercontrol.analysis.common.regions import (
+from hovercontrol.analysis.output import Progress, save
+from hovercontrol.analysis.regions import (
     Axis,
     Region,
     axis,
@@ -20,7 +21,6 @@ from hovercontrol.analysis.common.regions import (
     subfolder,
     sweep_map,
 )
-from hovercontrol.analysis.output import Progress, save
 from hovercontrol.controllers.k06 import forward, reverse
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked

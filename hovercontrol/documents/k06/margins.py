@@ -11,10 +11,10 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from hovercontrol import interconnect, tracking_controller, vehicle
-from hovercontrol.analysis.c17.loops import c17_ellipse, on_reference
-from hovercontrol.analysis.common.margins import FrozenMargins, Margins, margins, margins_along
-from hovercontrol.analysis.common.packet_loss import Lost, packet_loop
+from hovercontrol.analysis.loops import c17_ellipse, on_reference
+from hovercontrol.analysis.margins import FrozenMargins, Margins, margins, margins_along
 from hovercontrol.analysis.output import Progress, save
+from hovercontrol.analysis.packet_loss import Lost, packet_loop
 from hovercontrol.controllers.k06 import forward, setpoints
 from hovercontrol.core.block import Block
 from hovercontrol.documents.k06.law_loop import ROUND_TRIP, force_craft, trial_numbers

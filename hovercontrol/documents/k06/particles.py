@@ -21,6 +21,7 @@ from hovercontrol.analysis.ins_monte_carlo import (
     started,
 )
 from hovercontrol.analysis.output import Progress, save
+from hovercontrol.core.block import Block
 from hovercontrol.estimators.ins import (
     IMU_PERIOD,
     SensorErrors,
@@ -31,6 +32,7 @@ from hovercontrol.estimators.ins import (
 )
 from hovercontrol.estimators.ins.particles import PARTICLES
 from hovercontrol.hardware.sensors import Beacons
+from hovercontrol.simulation.sampled import SampledFilter
 
 ERRORS = SensorErrors(gyro_walk=0.0, acceleration_walk=0.0)
 FOUR = Beacons([(0.0, 0.0), (4.0, 0.2), (0.1, 3.5), (3.8, 3.9)], 2.0)
@@ -124,11 +126,12 @@ def _both(
     noise = told = noise_from_sensors(ERRORS)
     if not case.known:  # the Kalman filter starts at a random place and heading, with their variances
         start[0] = rng.uniform(-np.pi, np.pi, runs)
-        start[3:5] = rng.uniform(*np.array(AREA).T[:, :, None], (2, runs)) - np.array(AT)[:, None]
+        low, high = np.array(AREA).T[:, :, None]
+        start[3:5] = rng.uniform(low, high, (2, runs)) - np.array(AT)[:, None]
         sides = np.ptp(AREA, axis=1) ** 2 / 12
         turns = (2 * np.pi) ** 2 / 12
         told = replace(noise, P1=(turns, noise.P1[1]), P2=(*noise.P2[:2], *sides.tolist(), *noise.P2[4:]))
-    filters = {
+    filters: dict[str, Block | SampledFilter] = {
         KALMAN: range_filter(case.beacons, UNITS, range_noise=RANGE_NOISE, noise=told),
         PARTICLE: range_particles(
             case.beacons,

@@ -12,6 +12,7 @@ import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -282,8 +283,8 @@ def _figure(found: Sequence[SteadyError], runs: int) -> Figure:
     return figure
 
 
-def _columns(found: Sequence[SteadyError]) -> dict[str, list[object]]:
-    columns: dict[str, list[object]] = {"suspect": [one.suspect for one in found]}
+def _columns(found: Sequence[SteadyError]) -> dict[str, list[Any]]:
+    columns: dict[str, list[Any]] = {"suspect": [one.suspect for one in found]}
     for k, ref in enumerate((*ASTERN, AHEAD)):
         errors = [(*one.astern, one.ahead)[k] for one in found]
         columns[f"mean error told {ref:g} [m/s]"] = [float(e.mean()) for e in errors]

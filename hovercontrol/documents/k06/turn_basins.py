@@ -25,7 +25,7 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from hovercontrol.analysis.common.regions import Axis, Region, axis, mesh, refuse_large
+from hovercontrol.analysis.regions import Axis, Region, axis, mesh, refuse_large
 from hovercontrol.controllers.k06 import setpoints, turn
 from hovercontrol.controllers.k06.energy import body_signals, entry_energy, kinetic_energy, unwanted_level
 from hovercontrol.controllers.k06.laws import YAW_RATE_REF

@@ -6,13 +6,15 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.collections import QuadMesh
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from hovercontrol.analysis.common.regions import Region
 from hovercontrol.analysis.output import Progress, save
+from hovercontrol.analysis.regions import Region
 from hovercontrol.documents.k06.turn_basins import RTOL, TOLD, turn_basins
 from hovercontrol.io.figure_style import BLUE, SKY, VERMILION
 
@@ -47,12 +49,12 @@ def main(out: Path, progress: Progress | None = None, *, points: int = 120) -> l
     return save(out, "k06_turn_basins", figure, tables, findings)
 
 
-def _draw(axes: Axes, region: Region, at: Mapping[str, float]) -> object:
+def _draw(axes: Axes, region: Region, at: Mapping[str, float]) -> QuadMesh:
     (third, value) = next(iter(at.items()))
     grid = region.x.values, region.y.values
     norm = LogNorm(1.0, DURATION)
     drawn = axes.pcolormesh(*grid, region["time"], norm=norm, cmap="cividis_r", shading="nearest")
-    handles = []
+    handles: list[Artist] = []
     for name, colour, hatch in (("unwanted", SKY, None), ("stuck", "white", "///")):
         edge = VERMILION if hatch else BLUE
         if region[name].any():

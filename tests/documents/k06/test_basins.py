@@ -5,6 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from hovercontrol import InputError
+from hovercontrol.controllers.k06.energy import kinetic_energy
 from hovercontrol.documents.k06.turn_basins import (
     ATOL,
     CLOSE,
@@ -16,7 +17,6 @@ from hovercontrol.documents.k06.turn_basins import (
     turn_basins,
     turn_loop,
 )
-from hovercontrol.controllers.k06.energy import kinetic_energy
 
 M, J, D = 2.6, 0.096, 0.32
 K1, K2, REF = 0.5, 3.5, 3.0

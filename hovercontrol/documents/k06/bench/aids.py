@@ -88,8 +88,8 @@ def table(column: str, seeds: int) -> dict[str, Rms]:
     "k06",
     "table 6.7",
     lacks=LACKS,
-    why="with K06's stated noise the reference is too clean; with an axis that leans by 0.5 deg, 3.4 deg/s of "
-    "noise of the tachometer and fixes 85 ms old all entries are within 30 %",
+    why="with K06's stated noise the reference is too clean; with an axis that leans by 0.5 deg, 3.4 deg/s "
+    "of noise of the tachometer and fixes 85 ms old all entries are within 30 %",
 )
 def table_6_7(folder: Path) -> Mapping[str, float]:
     """Errors of the INS by aid, sensors as K06 states them [K06 table 6.7]."""

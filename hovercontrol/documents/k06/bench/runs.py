@@ -10,10 +10,10 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from hovercontrol.documents.item import Printed
 from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.autopilot.turntable import ARM
+from hovercontrol.documents.item import Printed
 from hovercontrol.documents.k06.bench.blocks import CENTRE, OLDEST, bench
 from hovercontrol.estimators.ins import IMU_PERIOD, K06_NOISE
 from hovercontrol.io.short_repr import short_repr

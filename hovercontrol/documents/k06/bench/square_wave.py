@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from hovercontrol.analysis.output import save
+from hovercontrol.analysis.output import Table, save
 from hovercontrol.documents.k06.bench.aids import aided
 from hovercontrol.documents.k06.bench.runs import (
     COLUMNS,
@@ -45,7 +45,7 @@ VARIED: Mapping[str, Mapping[str, Sequence[float]]] = {
 #: The two quantities of the table, with the style of their lines.
 STYLES = {"heading": "-", "rate": "--"}
 
-Table = Mapping[str, Rms]
+Errors = Mapping[str, Rms]
 
 
 def square_settings(settings: Settings | None = None) -> dict[str, float]:
@@ -149,7 +149,7 @@ def save_square_wave(out: Path, seeds: int, walks: int) -> list[Path]:
     _draw_walks(walk, steps, by_walk, printed_q)
     _draw_varied(other, found, varied)
     name = "k06_bench_square"
-    tables = {
+    tables: dict[str, Table] = {
         name: rows({"table 6.6": list(found.values())}),
         f"{name}_walk": {"Q1[1,1] [rad^2/s^2]": steps}
         | {f"{n} ratio": np.array([_ratio(f, n) for f in by_walk]) for n in STYLES},
@@ -157,7 +157,9 @@ def save_square_wave(out: Path, seeds: int, walks: int) -> list[Path]:
     return save(out, name, figure, tables, _findings(found, printed_q, varied, seeds))
 
 
-def _findings(found: Table, printed_q: Table, varied: Mapping[str, Sequence[Table]], seeds: int) -> list[str]:
+def _findings(
+    found: Errors, printed_q: Errors, varied: Mapping[str, Sequence[Errors]], seeds: int
+) -> list[str]:
     settings = {**COLUMNS["bench errors"], **INTEGRATED_Q1}
     other_q = aided("magnetometer", settings, seeds=max(2, seeds // 4))["magnetometer: heading"]
     ratios = {
@@ -185,7 +187,7 @@ def _findings(found: Table, printed_q: Table, varied: Mapping[str, Sequence[Tabl
     ]
 
 
-def _ratio(found: Table, name: str) -> float:
+def _ratio(found: Errors, name: str) -> float:
     return found[f"{name}, compensated"].mean / found[f"{name}, uncompensated"].mean
 
 
@@ -193,7 +195,7 @@ def _printed_ratio(name: str) -> float:
     return PRINTED[f"{name}, compensated"].value / PRINTED[f"{name}, uncompensated"].value
 
 
-def _draw_walks(axes: Axes, steps: Array, by_walk: Sequence[Table], printed_q: Table) -> None:
+def _draw_walks(axes: Axes, steps: Array, by_walk: Sequence[Errors], printed_q: Errors) -> None:
     for name, style in STYLES.items():
         axes.semilogx(steps, [_ratio(f, name) for f in by_walk], "k" + style, label=name)
         axes.axhline(_printed_ratio(name), color="0.6", ls=style, label=f"{name}, table 6.6")
@@ -207,7 +209,7 @@ def _draw_walks(axes: Axes, steps: Array, by_walk: Sequence[Table], printed_q: T
     axes.legend(frameon=False, fontsize=9)
 
 
-def _draw_varied(axes: Axes, found: Table, varied: Mapping[str, Sequence[Table]]) -> None:
+def _draw_varied(axes: Axes, found: Errors, varied: Mapping[str, Sequence[Errors]]) -> None:
     for k, runs in enumerate(varied.values()):
         for name, mark, fill in (("heading", "o", "black"), ("rate", "s", "white")):
             values = [_ratio(run, name) for run in runs]

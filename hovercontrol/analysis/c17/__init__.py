@@ -1,1 +1,0 @@
-"""Analyses of C17's tracking loop: its theorems, its gains, its Table II."""

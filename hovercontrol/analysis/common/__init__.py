@@ -1,1 +1,0 @@
-"""Analyses of any Block or log: observability, excitation, margins, regions."""

@@ -1,0 +1,25 @@
+"""Every table and figure of the source documents again: what they print, what comes out here, a verdict."""
+
+from hovercontrol.documents.item import Item, Outcome, Printed, about, at_least, at_most
+from hovercontrol.documents.markers import Place, places
+from hovercontrol.documents.printed import Numbered, numbered_items, printed, rebuilds
+from hovercontrol.documents.registry import all_items, chosen_items
+from hovercontrol.documents.runner import reproduce
+
+__all__ = [
+    "Item",
+    "Outcome",
+    "Printed",
+    "about",
+    "at_least",
+    "at_most",
+    "Numbered",
+    "Place",
+    "numbered_items",
+    "printed",
+    "rebuilds",
+    "places",
+    "all_items",
+    "chosen_items",
+    "reproduce",
+]

@@ -1,0 +1,185 @@
+"""What the documents print: each numbered item with its title and numbers, from ``DOCUMENT/printed.csv``.
+
+The table has a row for each printed number of an item, and one row for an item that has none. Title and
+``without_code`` stand in an item's first row. A bound that is empty is infinite.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+from importlib import resources
+from pathlib import Path
+
+from hovercontrol.core.boundary import checked
+from hovercontrol.documents.item import Item, Printed
+from hovercontrol.errors import InputError, did_you_mean
+
+#: What computes an item: it draws into a folder and returns the numbers by name.
+Measure = Callable[[Path], Mapping[str, float]]
+
+_ITEMS: dict[tuple[str, str, str], Item] = {}
+
+
+@checked
+@dataclass(frozen=True)
+class Numbered:
+    """A numbered item of a document.
+
+    Parameters
+    ----------
+    document, kind, number : str
+        ``c17``, ``eq``, ``14a``.
+    title : str
+        What it shows, in our words.
+    without_code : str
+        Why no code stands for it; empty where code does.
+    printed : tuple of Printed
+        Its numbers that are compared with ours.
+
+    Examples
+    --------
+    >>> Numbered("c17", "eq", "14a", "what u tells").without_code
+    ''
+    """
+
+    document: str
+    kind: str
+    number: str
+    title: str
+    without_code: str = ""
+    printed: tuple[Printed, ...] = field(default=())
+
+    @property
+    def key(self) -> tuple[str, str, str]:
+        """Document, kind and number."""
+        return self.document, self.kind, self.number
+
+
+@checked
+def numbered_items(document: str) -> list[Numbered]:
+    """Return every numbered item of a document (``c17`` or ``k06``), in the order of its table.
+
+    Raises
+    ------
+    InputError
+        If there is no table of that document.
+
+    Examples
+    --------
+    >>> next(n.title for n in numbered_items("c17") if n.key == ("c17", "eq", "11"))
+    'dynamics of the hovercraft in its velocities'
+    """
+    return list(_table(document).values())
+
+
+@lru_cache(maxsize=8)
+def _table(document: str) -> dict[str, Numbered]:
+    path = resources.files("hovercontrol.documents") / document / "printed.csv"
+    if not path.is_file():
+        raise InputError(f"no table of the numbered items of {document!r}: expected c17 or k06")
+    first: dict[str, dict[str, str]] = {}
+    numbers: dict[str, list[Printed]] = {}
+    for row in csv.DictReader(path.read_text(encoding="utf-8").splitlines()):
+        name = f"{row['kind']} {row['number']}"
+        first.setdefault(name, row)
+        if row["name"]:
+            numbers.setdefault(name, []).append(_printed(row))
+    return {
+        name: Numbered(
+            document, r["kind"], r["number"], r["title"], r["without_code"], tuple(numbers.get(name, ()))
+        )
+        for name, r in first.items()
+    }
+
+
+def _printed(row: Mapping[str, str]) -> Printed:
+    low, high, value = (
+        float(row[key] or default)
+        for key, default in (("low", -math.inf), ("high", math.inf), ("value", math.nan))
+    )
+    return Printed(row["name"], row["text"], low, high, row["unit"], row["fitted"], value)
+
+
+@checked
+def printed(document: str, item: str) -> dict[str, Printed]:
+    """Return the numbers that a document prints of an item, by name.
+
+    Parameters
+    ----------
+    document : str
+        ``c17`` or ``k06``.
+    item : str
+        ``table 1``, ``fig 6.23``.
+
+    Raises
+    ------
+    InputError
+        If the document has no such item.
+
+    Examples
+    --------
+    >>> printed("c17", "fig 12")["half width of the last lap"].value  # metres
+    1.15
+    """
+    return {p.name: p for p in _numbered(document, item).printed}
+
+
+def _numbered(document: str, item: str) -> Numbered:
+    table = _table(document)
+    if item not in table:
+        raise InputError(f"{document}: no numbered item {item!r}{did_you_mean(item, table)}")
+    return table[item]
+
+
+def rebuilds(
+    document: str,
+    item: str,
+    *,
+    lacks: str = "",
+    why: str = "",
+    units: Callable[[], Mapping[str, str]] = dict,
+) -> Callable[[Measure], Measure]:
+    """Return a decorator that makes a function the one which computes an item of a document.
+
+    Parameters
+    ----------
+    document, item : str
+        As for :func:`printed`; title and printed numbers are those of the table.
+    lacks, why, units
+        As for :class:`~hovercontrol.documents.item.Item`.
+
+    Raises
+    ------
+    InputError
+        If the document has no such item, or another function computes it.
+    """
+    found = _numbered(document, item)
+
+    def register(measure: Measure) -> Measure:
+        add(Item(*found.key, found.title, measure, found.printed, lacks, why, units))
+        return measure
+
+    return register
+
+
+def add(item: Item) -> None:
+    """Add an item to those of its document.
+
+    Raises
+    ------
+    InputError
+        If there is one of that name.
+    """
+    key = item.document, item.kind, item.number
+    if key in _ITEMS:
+        raise InputError(f"{item.document}: {item.name} is computed by two functions")
+    _ITEMS[key] = item
+
+
+def rebuilt_items(document: str) -> list[Item]:
+    """Return the items of a document whose functions were imported, in the order of its table."""
+    return [_ITEMS[n.key] for n in _table(document).values() if n.key in _ITEMS]

@@ -1,0 +1,81 @@
+"""Rebuilding the documents: verdicts come from numbers, names are found, the index says what was measured."""
+
+import json
+
+import pytest
+
+from hovercontrol.documents import Item, Outcome, about, all_items, at_most, chosen_items, reproduce
+from hovercontrol.documents.index import index_content
+from hovercontrol.errors import InputError
+
+
+def _item(*printed, measure=lambda folder: {}, **more):
+    return Item("c17", "table", "2", "a table", measure, printed, **more)
+
+
+@pytest.mark.parametrize(
+    ("printed", "value", "verdict"),
+    [
+        ([about("e", 0.6, 0.03, "m")], 0.57, "agrees"),
+        ([about("e", 0.6, 0.03, "m")], 0.5699, "differs"),
+        ([at_most("e", 0.05)], 0.05, "agrees"),
+        ([at_most("e", 0.05)], float("nan"), "differs"),
+        ([about("e", 0.6, 0.03, fitted="by a factor")], 0.6, "not printed in enough detail"),
+        ([about("e", 0.6, 0.03, fitted="by a factor")], 0.7, "differs"),
+        ([about("e", 0.6, 0.03, fitted="by a factor"), at_most("e", 1.0)], 0.6, "agrees"),
+        ([], 1.0, "not printed in enough detail"),
+    ],
+)
+def test_the_verdict_is_that_of_the_numbers(printed, value, verdict):
+    assert Outcome(_item(*printed), {"e": value}).verdict == verdict
+
+
+def test_what_fails_is_told_and_the_others_are_rebuilt(tmp_path):
+    def draw(folder):
+        (folder / "e.csv").write_text("1")
+        return {"e": 0.2}
+
+    def fail(folder):
+        raise ValueError("no sample")
+
+    other = Item("c17", "fig", "3", "a figure", draw, (at_most("e", 0.1, "m"),), why="<drag>")
+    missing = Item("c17", "fig", "4", "another", draw, (at_most("f", 0.1),))
+    outcomes = reproduce([_item(measure=fail), other, missing], tmp_path)
+    assert [o.verdict for o in outcomes] == ["failed", "differs", "failed"]
+    content = json.loads((tmp_path / "index.json").read_text())
+    assert content == index_content(outcomes)
+    first, second, third = content["items"]
+    assert first["failure"] == "ValueError: no sample" and "'f' was not measured" in third["failure"]
+    assert second["printed"][0]["ours"] == 0.2 and second["files"] == ["c17_fig_3/e.csv"]
+    page = (tmp_path / "index.html").read_text()
+    assert "&lt;drag&gt;" in page and "1 differs" in page and "2 failed" in page
+    assert "Hovercraft Control With Dynamic Parameters Identification" in page and 'name="viewport"' in page
+    assert "hovercontrol reproduce c17 --only &quot;fig 3&quot;" in page
+    assert (tmp_path / "c17_fig_3" / "e.csv").read_text() == "1"
+
+
+@pytest.mark.parametrize("name", ["table 1", "table1", "Table  1"])
+def test_an_item_is_found_under_the_names_that_one_would_type(name):
+    assert [i.name for i in chosen_items("c17", [name])] == ["table 1"]
+
+
+def test_unknown_names_are_refused_with_the_nearest():
+    with pytest.raises(InputError, match="did you mean 'fig 5'"):
+        chosen_items("c17", ["figure 5x"])
+    with pytest.raises(InputError, match="unknown document 'c18'; did you mean 'c17'"):
+        chosen_items("c18")
+    with pytest.raises(InputError, match="nothing to rebuild"):
+        reproduce([], "nowhere")
+
+
+def test_each_item_has_one_entry_and_a_folder_of_its_own():
+    items = all_items()
+    assert len({i.folder for i in items}) == len(items)
+    assert all(len({p.name for p in i.printed}) == len(i.printed) for i in items)
+
+
+def test_the_command_lists_and_rebuilds(call, tmp_path):
+    done = call("reproduce", "c17", "--list")
+    assert done.returncode == 0 and "table 1" in done.stdout
+    done = call("reproduce", "c17", "--only", "eq 99")
+    assert done.returncode == 2 and done.stderr.count("\n") == 1
