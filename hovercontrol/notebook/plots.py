@@ -10,8 +10,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 if TYPE_CHECKING:
+    from hovercontrol.analysis.budget import Budget
     from hovercontrol.analysis.iss import IssGain
-    from hovercontrol.analysis.k06.budget import Budget
     from hovercontrol.analysis.margins import FrozenMargins
     from hovercontrol.discrepancy.diagnosis import Diagnosis
     from hovercontrol.identify.result import Identified

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hovercontrol.documents import Outcome, all_items, numbered_items, places
-from hovercontrol.documents.k06 import bench, hardware
+from hovercontrol.documents.k06 import gyro, hardware
 
 NUMBERED = numbered_items("k06")
 BY_NAME = {item.name: item for item in all_items("k06")}
@@ -54,5 +54,5 @@ def test_table_4_2_and_5_2_hold_what_k06_prints():
 
 def test_the_gyros_pure_delay_turns_the_phase_by_two_samples():
     frequency = np.array([10.0])
-    turned = np.angle(bench.gyro_response(frequency) / bench.gyro_transfer(frequency)[0])
+    turned = np.angle(gyro.gyro_response(frequency) / gyro.gyro_transfer(frequency)[0])
     assert turned == pytest.approx(-2 * np.pi * 10.0 * 2 * 0.0065536)

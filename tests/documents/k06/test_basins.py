@@ -5,7 +5,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from hovercontrol import InputError
-from hovercontrol.analysis.k06.basins import (
+from hovercontrol.controllers.k06.energy import kinetic_energy
+from hovercontrol.documents.k06.turn_basins import (
     ATOL,
     CLOSE,
     RTOL,
@@ -16,7 +17,6 @@ from hovercontrol.analysis.k06.basins import (
     turn_basins,
     turn_loop,
 )
-from hovercontrol.controllers.k06.energy import kinetic_energy
 
 M, J, D = 2.6, 0.096, 0.32
 K1, K2, REF = 0.5, 3.5, 3.0
@@ -177,7 +177,7 @@ def test_the_drawn_edges_are_those_of_the_maps():
         (lambda: turn_basins({"v": (1.0, -1.0), "r": (0.0, 1.0)}), "v: the range 1 to -1 m/s is reversed"),
         (lambda: turn_basins({"v": (0.0, 1.0), "w": (0.0, 1.0)}), "unknown velocity 'w'"),
         (lambda: turn_basins({"v": (0.0, 1.0)}), "expected two of u, v, r, found 1"),
-        (lambda: turn_basins(at={"v": 1.0}), "at: expected u, which is not of the plane, found 'v'"),
+        (lambda: turn_basins(at={"v": 1.0}), "at: expected u, the velocity outside the plane, found 'v'"),
         (lambda: turn_basins(points=100_000), "would take .* take fewer points"),
         (lambda: turn_basins(duration=0.0), "duration must be positive"),
     ],

@@ -1,12 +1,12 @@
-"""Simulated flights for Monte Carlo runs of the navigation filters: many noisy sensors along one true course.
+"""Monte Carlo runs of navigation filters: simulated measurements of many noisy sensors along one true course.
 
-Nothing here comes from the filters' Blocks: the truth is integrated finely, sensors add the errors of
-:class:`~hovercontrol.estimators.ins.SensorErrors`, and K06's error models are written out from the thesis.
+Nothing here comes from the filters' Blocks: the true motion is integrated finely, and sensors add the errors
+of :class:`~hovercontrol.estimators.ins.SensorErrors`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,12 +17,13 @@ from hovercontrol.core.block import Block
 from hovercontrol.estimators.ins.noise import SensorErrors
 from hovercontrol.hardware.sensors.beacons import Beacons
 from hovercontrol.io.short_repr import short_repr
+from hovercontrol.simulation.sampled import SampledFilter
 
 Array = NDArray[np.float64]
 
-#: Steps of the integration of the truth in one tick.
+#: Integration steps of the true motion per tick.
 FINE = 20
-#: What the filters tell of the motion and of the biases, in the order of :func:`estimation_errors`.
+#: The filters' estimates of the motion and of the biases, in the order of :func:`estimation_errors`.
 ESTIMATES = ("psi_hat", "v_x_hat", "v_y_hat", "x_hat", "y_hat")
 BIASES = ("gyro_bias_hat", "acceleration_x_bias_hat", "acceleration_y_bias_hat")
 
@@ -56,14 +57,14 @@ class Course:
 
 @dataclass(frozen=True)
 class Sensed:
-    """What sensors measured on a course, and what they do not tell.
+    """Measurements along a course, and the errors behind them.
 
     Attributes
     ----------
     inputs : dict of str to ndarray, shape (ticks,) or (ticks, runs)
         Of the filters, by name.
     start : ndarray, shape (5, runs)
-        What is told of psi, v_x, v_y, x, y at the start less the truth.
+        Error of the initial psi, v_x, v_y, x, y.
     biases : ndarray, shape (3, runs)
         True biases of gyro and accelerometers.
     """
@@ -107,7 +108,7 @@ def course(
 def sensed(
     rng: np.random.Generator, truth: Course, errors: SensorErrors, *, every: float, runs: int
 ) -> Sensed:
-    """Draw what IMU, heading aid and fixes measure; one aid each `every` seconds, constant biases.
+    """Draw measurements of IMU, heading aid and fixes; biases are constant.
 
     Parameters
     ----------
@@ -152,7 +153,7 @@ def ranged(
     slot: float = 0.1,
     slots: int = 10,
 ) -> dict[str, Array]:
-    """Draw the ranges of units that take turns, one a slot of each round (K06 section 5.5).
+    """Draw the ranges of units that take turns, one unit in each slot of a round (K06 section 5.5).
 
     Parameters
     ----------
@@ -164,7 +165,7 @@ def ranged(
     noise : float
         Standard deviation of a range [m].
     bias : array_like, shape () or (runs,), optional
-        What all ranges are too long by [m].
+        Common error of all ranges [m].
     slot : float, optional
         [s].
     slots : int, optional
@@ -190,13 +191,13 @@ def ranged(
     return inputs
 
 
-def inputs_of(block: Block, inputs: Mapping[str, Array]) -> dict[str, Array]:
-    """Return those that the Block has."""
+def inputs_of(block: Block | SampledFilter, inputs: Mapping[str, Array]) -> dict[str, Array]:
+    """Return the inputs of the Block."""
     return {s.name: inputs[s.name] for s in block.inputs}
 
 
 def started(names: Sequence[str], start: Array, truth: Course) -> dict[str, Array]:
-    """Return states that hold psi, v_x, v_y, x, y, off at the start by `start`."""
+    """Return initial states for psi, v_x, v_y, x, y with the errors `start`."""
     true = [truth.psi[0], *truth.velocity[:, 0], *truth.position[:, 0]]
     return {name: v + off for name, v, off in zip(names, true, start, strict=True)}
 
@@ -220,43 +221,3 @@ def innovations(found: Mapping[str, Array], aids: Sequence[str]) -> tuple[Array,
         np.array([found[f"{aid}_innovation{end}"] for aid in aids]) for end in ("", "_variance")
     )
     return told, variance
-
-
-# ---- K06's error models ----------------------------------------------------------------------------------
-
-
-def heading_model(period: float) -> Callable[[int, Array, Array], Array]:
-    """Return (3.31): the next error of heading and gyro from tick, error and noise."""
-    return lambda k, x, w: np.array([x[0] + period * x[1] + w[0], x[1] + w[1]])
-
-
-def motion_model(psi: Array, period: float) -> Callable[[int, Array, Array], Array]:
-    """Return (3.32) along a heading: the next error of velocity, position and accelerometers."""
-
-    def step(k: int, x: Array, w: Array) -> Array:
-        c, s = np.cos(psi[k]), np.sin(psi[k])
-        B = np.array([[c, -s], [s, c]])
-        push = B @ x[4:]
-        v = x[:2] + period * push + B @ w[:2]
-        return np.vstack([v, x[2:4] + period * x[:2] + period**2 / 2 * push, x[4:] + w[2:]])
-
-    return step
-
-
-def model_errors(
-    rng: np.random.Generator,
-    step: Callable[[int, Array, Array], Array],
-    P: ArrayLike,
-    Q: ArrayLike,
-    *,
-    ticks: int,
-    runs: int,
-) -> Array:
-    """Draw errors from such a model, shape (n, ticks, runs), P at the start and Q each tick [variances]."""
-    first, each = np.sqrt(np.asarray(P, dtype=float)), np.sqrt(np.asarray(Q, dtype=float))
-    errors = np.empty((len(first), ticks, runs))
-    errors[:, 0] = rng.normal(size=(len(first), runs)) * first[:, None]
-    for k in range(1, ticks):
-        w = rng.normal(size=(len(each), runs)) * each[:, None]
-        errors[:, k] = step(k - 1, errors[:, k - 1], w)
-    return errors

@@ -1,32 +1,22 @@
 """K06's trials over many seeds: what the table says is what single runs of the scenarios say."""
 
 import dataclasses
-import importlib.util
 from pathlib import Path
 
 import numpy as np
 import pyarrow.csv
 import pytest
 
-from hovercontrol.analysis.k06.trials import run_trial, trial_metrics
+from hovercontrol.analysis.trials import run_trial, trial_metrics
+from hovercontrol.documents.k06 import trial_bands
 from hovercontrol.errors import InputError
 from hovercontrol.scenarios import load_scenario, run_scenario
 
-SCRIPT = Path(__file__).parents[3] / "analyses" / "k06_trials.py"
-
-
-@pytest.fixture(scope="module")
-def script():
-    spec = importlib.util.spec_from_file_location("k06_trials", SCRIPT)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
 
 @pytest.mark.slow
-def test_a_trial_as_picture_table_and_words(script, tmp_path):
+def test_a_trial_as_picture_table_and_words(tmp_path):
     told = []
-    files = script.main(tmp_path, told.append, trial="k06-forward", runs=4)
+    files = trial_bands.main(tmp_path, told.append, trial="k06-forward", runs=4)
     assert {f.name for f in files} == {f"k06_trials.{end}" for end in ("png", "svg", "csv", "txt")}
     assert told[-1] == 1.0
     table = pyarrow.csv.read_csv(tmp_path / "k06_trials.csv").to_pydict()
@@ -47,28 +37,28 @@ def test_its_values_are_those_of_single_runs():
         assert many[found.metric.name][0] != many[found.metric.name][1]
 
 
-def test_every_figure_is_measured_by_metrics_of_its_scenario(script):
-    for trial, figures in script.ASKED.items():
+def test_every_figure_is_measured_by_metrics_of_its_scenario():
+    for trial, figures in trial_bands.ASKED.items():
         known = {m.name for m in load_scenario(f"k06-real-{trial}").metrics}
         assert all(set(asked.metrics) <= known for asked in figures)
 
 
-def test_of_several_metrics_the_worst_counts(script):
-    asked = script.Asked(("a", "b"), 8.0, 12.0, "s", "at rest")
-    assert script.Row("stop", asked, np.array([7.0, 9.0, np.inf, 12.0])).met == 0.5
+def test_of_several_metrics_the_worst_counts():
+    asked = trial_bands.Asked(("a", "b"), 8.0, 12.0, "s", "at rest")
+    assert trial_bands.Row("stop", asked, np.array([7.0, 9.0, np.inf, 12.0])).met == 0.5
 
 
 @pytest.mark.parametrize(
     ("call", "said"),
     [
         (
-            lambda s: s.main(Path("x"), trial="k06-forwad"),
+            lambda: trial_bands.main(Path("x"), trial="k06-forwad"),
             "unknown trial 'k06-forwad'; did you mean 'forward'",
         ),
-        (lambda s: run_trial(load_scenario("k06-turn")), "'k06-turn' is no trial of the real loop"),
-        (lambda s: run_trial(load_scenario("k06-real-turn"), runs=0), "runs must be at least 1, found 0"),
+        (lambda: run_trial(load_scenario("k06-turn")), "'k06-turn' is no trial of the real loop"),
+        (lambda: run_trial(load_scenario("k06-real-turn"), runs=0), "runs must be at least 1, found 0"),
     ],
 )
-def test_wrong_input_is_one_line(script, call, said):
+def test_wrong_input_is_one_line(call, said):
     with pytest.raises(InputError, match=said):
-        call(script)
+        call()

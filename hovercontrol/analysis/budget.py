@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hovercontrol.analysis.k06.trials import need_trial
+from hovercontrol.analysis.trials import need_trial
 from hovercontrol.autopilot import SWITCHES, Imperfections, seeds
 from hovercontrol.io.pyplot import open_in_pyplot
 from hovercontrol.io.short_repr import short_repr

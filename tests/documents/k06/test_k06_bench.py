@@ -1,8 +1,6 @@
 """K06's rotating bench (section 6.2.1): tables 6.5 to 6.7 and figure 6.20, as its scripts find them."""
 
-import importlib.util
 import math
-from pathlib import Path
 
 import numpy as np
 import pyarrow.csv
@@ -12,16 +10,20 @@ import sympy as sp
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hovercontrol.analysis.k06 import bench as k06
-from hovercontrol.analysis.k06.bench_blocks import UNITS, encoder, sample_delay
 from hovercontrol.autopilot.turntable import bench_command, turntable
 from hovercontrol.core.signals import Signal
+from hovercontrol.documents import printed
+from hovercontrol.documents.k06 import bench, gyro
+from hovercontrol.documents.k06.bench.aids import aided, aided_settings
+from hovercontrol.documents.k06.bench.blocks import UNITS, encoder, sample_delay
+from hovercontrol.documents.k06.bench.runs import COLUMNS, CRICKET_AGE, GUESSED, STATED, errors
+from hovercontrol.documents.k06.bench.square_wave import square_wave
+from hovercontrol.documents.k06.bench.units import PLACES, second_unit, unit_headings
 from hovercontrol.errors import InputError
 from hovercontrol.simulation.hybrid import Ticking
 
 TICK = 0.0065536
-FREQUENCY, GAIN, PHASE, GAIN_AFTER, PHASE_AFTER, GAINED = k06.TABLE_6_5.T
-LAST = list(k06.COLUMNS)[-1]
+FREQUENCY, GAIN, PHASE, GAIN_AFTER, PHASE_AFTER, GAINED = gyro.TABLE_6_5.T
 
 
 # ---- the platform -----------------------------------------------------------------------------------
@@ -111,21 +113,21 @@ def test_wrong_numbers_are_refused(make, said):
 
 
 def test_every_dt_of_table_6_5_is_that_of_the_gyros_inverse():
-    gained = k06.gyro_transfer(FREQUENCY)[2]
+    gained = gyro.gyro_transfer(FREQUENCY)[2]
     np.testing.assert_allclose(gained, GAINED, atol=0.02)
-    exact = k06.gyro_transfer(FREQUENCY, digits=None)[2]
+    exact = gyro.gyro_transfer(FREQUENCY, digits=None)[2]
     rounding = 5 / (2 * math.pi * FREQUENCY)  # half a digit of a phase [ms]
     assert np.all(abs(exact - GAINED) <= rounding + 0.005)
 
 
 def test_a_bench_run_with_sines_measures_the_gyro_and_its_compensation():
     """Against (6.2) by scipy; K06's gains, compensated over uncompensated, are those of the inverse too."""
-    raw, compensated = k06.gyro_sines(FREQUENCY)
+    raw, compensated = gyro.gyro_sines(FREQUENCY)
     w = 2 * math.pi * FREQUENCY * TICK
     two = np.exp(-2j * w)
-    gyro = scipy.signal.freqz([0.3236], [1, -0.9805, 0.2898], worN=w)[1]
+    response = scipy.signal.freqz([0.3236], [1, -0.9805, 0.2898], worN=w)[1]
     np.testing.assert_allclose(compensated, two, atol=1e-3)
-    np.testing.assert_allclose(raw, gyro * two, atol=5e-3)
+    np.testing.assert_allclose(raw, response * two, atol=5e-3)
     np.testing.assert_allclose(abs(compensated / raw), GAIN_AFTER / GAIN, rtol=0.02)
     np.testing.assert_allclose(np.angle(compensated / raw), PHASE_AFTER - PHASE, atol=0.02)
 
@@ -135,44 +137,50 @@ def test_a_bench_run_with_sines_measures_the_gyro_and_its_compensation():
 
 @pytest.mark.slow
 def test_compensation_helps_in_the_square_wave_as_in_table_6_6():
-    found = k06.square_wave(seeds=4)
-    for name, (with_it, without) in found.items():
-        printed = k06.TABLE_6_6[name]
-        assert with_it.mean / without.mean == pytest.approx(printed[0] / printed[1], rel=0.3)
-        for r in (with_it, without):
-            assert r.ratio == pytest.approx(1.0, abs=0.3)
+    found, table = square_wave(seeds=4), printed("k06", "table 6.6")
+    assert list(found) == list(table)
+    for name in ("rate", "heading"):
+        both = [f"{name}, {kind}" for kind in ("compensated", "uncompensated")]
+        asked = table[both[0]].value / table[both[1]].value
+        assert found[both[0]].mean / found[both[1]].mean == pytest.approx(asked, rel=0.3)
+        for entry in both:
+            assert found[entry].ratio == pytest.approx(1.0, abs=0.3)
 
 
 @pytest.mark.slow
 def test_with_q1_as_printed_the_heading_knows_no_gyro():
-    found = k06.square_wave({}, seeds=4)
-    assert found["heading"][0].mean == pytest.approx(found["heading"][1].mean, rel=0.05)
-    assert found["rate"][0].mean < 0.75 * found["rate"][1].mean
+    found = {entry: r.mean for entry, r in square_wave({}, seeds=4).items()}
+    assert found["heading, compensated"] == pytest.approx(found["heading, uncompensated"], rel=0.05)
+    assert found["rate, compensated"] < 0.75 * found["rate, uncompensated"]
 
 
 # ---- table 6.7 --------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("aid", k06.TABLE_6_7)
-@pytest.mark.parametrize("column", ["bench errors", LAST])
+@pytest.mark.parametrize("aid", ["magnetometer", "cricket"])
+@pytest.mark.parametrize("column", ["bench errors", GUESSED])
 def test_with_a_leaning_axis_and_a_noisy_tachometer_table_6_7_is_met(aid, column):
-    for name, r in k06.aided(aid, k06.COLUMNS[column], seeds=8).items():
-        assert r.ratio == pytest.approx(1.0, abs=0.3), name
+    found = aided(aid, COLUMNS[column], seeds=8)
+    assert len(found) == 4
+    for entry, r in found.items():
+        assert r.ratio == pytest.approx(1.0, abs=0.3), entry
 
 
 def test_with_k06s_own_numbers_the_magnetometers_row_is_too_good_and_crickets_motion_is_met():
-    magnetometer, cricket = (k06.aided(aid, k06.COLUMNS["stated"], seeds=8) for aid in k06.TABLE_6_7)
-    assert magnetometer["heading"].ratio == pytest.approx(1.0, abs=0.3)
-    assert all(magnetometer[q].ratio < 0.7 for q in ("rate", "velocity", "position"))
-    assert all(cricket[q].ratio == pytest.approx(1.0, abs=0.3) for q in ("heading", "velocity", "position"))
+    found = {aid: aided(aid, COLUMNS["stated"], seeds=8) for aid in ("magnetometer", "cricket")}
+    ratio = {entry: r.ratio for row in found.values() for entry, r in row.items()}
+    assert ratio["magnetometer: heading"] == pytest.approx(1.0, abs=0.3)
+    assert all(ratio[f"magnetometer: {q}"] < 0.7 for q in ("rate", "velocity", "position"))
+    moved = ("heading", "velocity", "position")
+    assert all(ratio[f"cricket: {q}"] == pytest.approx(1.0, abs=0.3) for q in moved)
 
 
 @pytest.mark.parametrize("rate", [-57, -115, -230])
 def test_crickets_heading_lags_by_the_age_of_its_fixes(rate):
     """13 ticks late; the filter's noise adds in square."""
-    settings = {**k06.STATED, **k06.CRICKET_AGE, **k06.aided_settings("cricket")}
-    inline = {"command.rate": math.radians(rate), "turntable.arm": 0.0, "aiding.assisted": 0.0}
-    found = np.degrees(k06.errors(settings | inline, 8, 30.0, 5.0)["heading_error"].mean())
+    settings = {**STATED, **CRICKET_AGE, **aided_settings("cricket", inline=True)}
+    settings["command.rate"] = math.radians(rate)
+    found = np.degrees(errors(settings, 8, 30.0, 5.0)["heading_error"].mean())
     assert found == pytest.approx(abs(rate) * 13 * TICK, abs=0.6)
 
 
@@ -180,18 +188,18 @@ def test_crickets_heading_lags_by_the_age_of_its_fixes(rate):
 
 
 def test_the_ins_helps_the_two_units_heading_as_in_figure_6_20():
-    raw, helped = k06.unit_headings(k06.COLUMNS[LAST], seeds=8)
+    raw, helped = unit_headings(COLUMNS[GUESSED], seeds=8)
     assert raw.ratio == pytest.approx(1.0, abs=0.3)
     assert helped.ratio == pytest.approx(1.0, abs=0.3)
     assert raw.mean - helped.mean == pytest.approx(15.0, abs=3.0)  # "approximately 15 deg more accurate"
 
 
-@pytest.mark.parametrize("place", [UNITS[1], *k06.PLACES.values()])
+@pytest.mark.parametrize("place", [UNITS[1], *PLACES.values()])
 def test_the_raw_heading_is_off_by_the_geometry_of_the_units(place):
     """Fixes without noise: the first unit 100 ms before the second, told a slot and up to a tick late."""
     w = math.radians(-115.0)
     quiet = {"cricket_ranges.noise": 0.0, "cricket_ranges.cone_limit": 0.0}
-    found = k06.unit_headings({**quiet, **k06.second_unit(place)}, seeds=2)[0].mean
+    found = unit_headings({**quiet, **second_unit(place)}, seeds=2)[0].mean
 
     def at(unit, psi):
         turn = np.array([[math.cos(psi), -math.sin(psi)], [math.sin(psi), math.cos(psi)]])
@@ -209,16 +217,12 @@ def test_the_raw_heading_is_off_by_the_geometry_of_the_units(place):
 
 @pytest.mark.slow("k06_bench")
 @pytest.mark.parametrize(
-    ("name", "small", "tables"),
-    [("k06_gyro", {"points": 20}, 1), ("k06_bench", {"seeds": 2, "walks": 3}, 4)],
+    ("name", "main", "small", "tables"),
+    [("k06_gyro", gyro.main, {"points": 20}, 1), ("k06_bench", bench.main, {"seeds": 2, "walks": 3}, 4)],
 )
-def test_a_script_leaves_pictures_tables_and_findings(name, small, tables, tmp_path):
-    path = Path(__file__).parents[3] / "analyses" / f"{name}.py"
-    spec = importlib.util.spec_from_file_location(name, path)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
+def test_a_script_leaves_pictures_tables_and_findings(name, main, small, tables, tmp_path):
     told = []
-    files = module.main(tmp_path, told.append, **small)
+    files = main(tmp_path, told.append, **small)
     assert told[-1] == pytest.approx(1.0)
     assert {f.suffix for f in files} == {".png", ".svg", ".csv", ".txt"}
     assert [f.suffix for f in files].count(".csv") == tables

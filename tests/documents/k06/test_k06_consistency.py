@@ -1,24 +1,17 @@
 """The script of the navigation filters' Monte Carlo: tables, pictures, and what it finds."""
 
-import importlib.util
-from pathlib import Path
-
 import numpy as np
 import pyarrow.csv
 import pytest
 
-from hovercontrol.analysis.k06.ins_monte_carlo import heading_model, model_errors, motion_model
-
-SCRIPT = Path(__file__).parents[3] / "analyses" / "k06_consistency.py"
+from hovercontrol.documents.k06 import consistency
+from hovercontrol.documents.k06.consistency_runs import heading_model, model_errors, motion_model
 
 
 @pytest.fixture(scope="module")
 def left(tmp_path_factory):
-    spec = importlib.util.spec_from_file_location("k06_consistency", SCRIPT)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
     told = []
-    files = module.main(tmp_path_factory.mktemp("out"), told.append, runs=40, seconds=3.0)
+    files = consistency.main(tmp_path_factory.mktemp("out"), told.append, runs=40, seconds=3.0)
     return {f.suffix: f for f in files}, told
 
 

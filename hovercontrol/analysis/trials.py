@@ -1,4 +1,4 @@
-"""A trial of K06's real loop over many seeds: what each of its metrics comes to."""
+"""A trial of the real loop repeated with many seeds: outputs and metrics."""
 
 from __future__ import annotations
 
@@ -112,7 +112,3 @@ def trial_metrics(
         metric.name: np.array([measure(metric, time, values) for values in outputs[metric.of]])
         for metric in scenario.metrics
     }
-
-
-#: The former names.
-fly_trial, fly_seeds = run_trial, run_seeds

@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 
 from hovercontrol import InputError
-from hovercontrol.analysis.k06.reverse_error import SUSPECTS, SteadyError, Suspect, steady_errors, suspect_log
+from hovercontrol.documents.k06.reverse_error import (
+    SUSPECTS,
+    SteadyError,
+    Suspect,
+    steady_errors,
+    suspect_log,
+)
 from hovercontrol.effects import effect
 
 

@@ -1,15 +1,16 @@
-"""The two limit points of K06's turn law, and from where the craft goes to which (sections 2.2.5-2.2.6).
+"""The two limit points of K06's turn law and their basins of attraction (sections 2.2.5-2.2.6).
 
-The law (2.39) takes the craft to ``(0, 0, r_ref)``, wanted, or to ``(0, -d r_ref, 0)``, where it drifts
-sideways and does not turn. W (2.36) never grows, so that a craft that starts below its level at the unwanted
-point, W_bad, gets to the wanted one, and so does one that starts within the ball of (2.48).
+The law (2.39) takes the craft to the wanted point ``(0, 0, r_ref)``, or to the unwanted one
+``(0, -d r_ref, 0)``, where it drifts sideways without turning. W (2.36) never grows. A craft that starts
+below W_bad, the level of W at the unwanted point, therefore reaches the wanted one; so does a craft that
+starts within the ball of (2.48).
 
-Gets there, in the end: through the unwanted point runs a slow manifold, ``r' = kappa r^2`` with kappa of
-:func:`slow_rate`. A craft that comes onto it at a yaw rate r < 0 ends at the unwanted point; at r > 0 it
-leaves it after about ``1/(kappa r)``, which may be years. Hence three classes: turns within the stated time,
-unwanted, and stuck, which is neither.
+It may take long: a slow manifold, ``r' = kappa r^2`` with kappa of :func:`slow_rate`, runs through the
+unwanted point. A craft that reaches the manifold at r < 0 ends at the unwanted point; at r > 0 it leaves
+after about ``1/(kappa r)``, which may be years. Hence three classes: turns within the stated time, unwanted,
+and stuck (neither).
 
-Erratum: section 2.2.6 calls the unwanted point a local minimiser of W. It is none: the gradient of W there is
+Erratum: section 2.2.6 calls the unwanted point a local minimiser of W. It is not: the gradient of W there is
 ``(m u, m v, J (r - r_ref)) = (0, -m d r_ref, -J r_ref)``, for K06's craft at 3 rad/s (0, -2.50, -0.288).
 """
 
@@ -24,7 +25,6 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from hovercontrol.analysis.k06.law_regions import MOVING, force_craft
 from hovercontrol.analysis.regions import Axis, Region, axis, mesh, refuse_large
 from hovercontrol.controllers.k06 import setpoints, turn
 from hovercontrol.controllers.k06.energy import body_signals, entry_energy, kinetic_energy, unwanted_level
@@ -33,6 +33,7 @@ from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.core.interconnect import interconnect
 from hovercontrol.core.signals import Signal
+from hovercontrol.documents.k06.law_loop import MOVING, force_craft
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.io.tables import number, positive
 from hovercontrol.models.vehicles import HOVERDEMON_BODY, Body
@@ -40,34 +41,34 @@ from hovercontrol.models.vehicles import HOVERDEMON_BODY, Body
 Array = NDArray[np.float64]
 Plane = Mapping[str, tuple[float, float]]
 
-#: A run that ends this close to the unwanted limit point is on its slow manifold [m/s].
+#: A run that ends within this distance of the unwanted limit point is on its slow manifold [m/s].
 CLOSE = 0.1
 
-#: A craft turns when W is this share of W_bad: its yaw rate is then within 10 % of what is wanted.
+#: A craft turns once W is below this share of W_bad: its yaw rate is then within 10 % of r_ref.
 TURNING = 0.0026
 
 #: Tolerances of the runs: relative, and absolute in m/s and rad/s.
 RTOL, ATOL = 1e-9, 1e-12
 
-#: Yaw rate on the slow manifold whose sign is told [rad/s]. With tolerances a hundred times as tight 99 of
-#: 100 yaw rates at the end change by less than 5e-12 rad/s, and no sign does (a test does it).
+#: Smallest yaw rate on the slow manifold whose sign is resolved [rad/s]. With tolerances a hundred times as
+#: tight 99 of 100 final yaw rates change by less than 5e-12 rad/s, and no sign does (a test checks it).
 TOLD = 1e-11
 
-#: The plane that shows most: surge dies out by itself.
+#: The default plane: surge decays by itself.
 DRIFT_AND_TURN: Plane = {"v": (-2.5, 2.5), "r": (-8.0, 8.0)}
 
-#: For the estimate before a sweep, of one core.
+#: Computing time of a run on one core, for the estimate before a sweep [s].
 _SECONDS_PER_RUN = 3e-4
 
 _ABOUT = {"u": "initial surge u", "v": "initial sway v", "r": "initial yaw rate r"}
 
 
 def turn_loop(*, k1: float, k2: float, yaw_rate: float) -> Block:
-    """Return K06's craft under the turn law, with a watch on the energy and the unwanted limit point.
+    """Return K06's craft under the turn law, with outputs for the energy and the unwanted limit point.
 
-    Outputs ``level``, W/W_bad of (2.36), ``away`` [m/s], the distance from the unwanted limit point with yaw
-    rates as velocities at the rudder, and ``waited`` [s], how long W has been above :data:`TURNING` of W_bad:
-    since W never grows, until the craft turns. States ``craft.u``, ``craft.v``, ``craft.r``.
+    Outputs ``level``, W/W_bad of (2.36); ``away`` [m/s], the distance from the unwanted limit point with yaw
+    rates as velocities at the rudder; ``waited`` [s], the time during which W was above :data:`TURNING` of
+    W_bad: since W never grows, the time until the craft turns. States ``craft.u``, ``craft.v``, ``craft.r``.
 
     Parameters
     ----------
@@ -108,7 +109,7 @@ def turn_loop(*, k1: float, k2: float, yaw_rate: float) -> Block:
 
 
 def slow_rate(*, k1: float, yaw_rate: float, body: Body = HOVERDEMON_BODY) -> float:
-    """Return kappa [1/rad]: on the slow manifold through the unwanted limit point ``r' = kappa r^2``.
+    """Return kappa [1/rad] of the slow manifold ``r' = kappa r^2`` through the unwanted limit point.
 
     There ``u = m v r/k1`` with ``v = -d r_ref``, and the side force keeps ``v' = d r'``:
     ``kappa = d^2 m^2 r_ref/(k1 (J + d^2 m))``.
@@ -136,7 +137,7 @@ def turn_basins(
     checkpoint: str | Path | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Region:
-    """Return, over a plane of initial velocities, where the turn law takes the craft, and when.
+    """Return the limit point that the turn law reaches, and the time, over a plane of initial velocities.
 
     Parameters
     ----------
@@ -151,7 +152,7 @@ def turn_basins(
     k1, k2 : float, optional
         [kg/s], likewise.
     duration : float, optional
-        Of each simulation [s]: what turns later counts as stuck.
+        Of each simulation [s]; a craft that turns later counts as stuck.
     executor : concurrent.futures.Executor, optional
         Where the simulations are done; default threads of this machine.
     checkpoint : path, optional
@@ -162,16 +163,17 @@ def turn_basins(
     Returns
     -------
     Region
-        Three maps of which each start is in one: ``unwanted`` (at the end near the unwanted point, its yaw
-        rate against the wanted one by :data:`TOLD` at least), ``turns`` (W at most :data:`TURNING` of W_bad
-        at the end), ``stuck`` (neither: it leaves later, or the tolerances do not tell); ``level`` (W < W_bad
-        at the start), ``entry`` (the ball of (2.48)); the quantities ``time`` [s] until it turns, and
-        ``leaves`` [s], about when one that is stuck leaves; lines at the edges of level and entry.
+        Three classes, one for each start: ``unwanted`` (near the unwanted point at the end, with a yaw rate
+        of at least :data:`TOLD` against r_ref), ``turns`` (W at most :data:`TURNING` of W_bad at the end),
+        ``stuck`` (neither: it leaves later, or the tolerances do not resolve it); ``level`` (W < W_bad at
+        the start), ``entry`` (the ball of (2.48)); the quantities ``time`` [s] until it turns, and
+        ``leaves`` [s], the estimated time at which a stuck craft leaves; lines at the edges of level and
+        entry.
 
     Raises
     ------
     InputError
-        If the plane is none, a range is none, a gain or the duration is not positive, the yaw rate is 0, or
+        If the plane or a range is not valid, a gain or the duration is not positive, the yaw rate is 0, or
         the map is too large.
 
     Examples
@@ -276,7 +278,7 @@ def _start(plane: Plane, x: Axis, y: Axis, at: Mapping[str, float]) -> dict[str,
         raise InputError(f"at: expected one velocity by name, such as {{'u': 0.0}}, found {at!r}")
     for name in at:
         if name not in third:
-            raise InputError(f"at: expected {third.pop()}, which is not of the plane, found {name!r}")
+            raise InputError(f"at: expected {third.pop()}, the velocity outside the plane, found {name!r}")
     xs, ys = mesh(x, y)
     given = {x.name: xs, y.name: ys}
     fixed = {name: np.full(len(xs), number(f"at: {name}", at.get(name, 0.0))) for name in third}

@@ -3,15 +3,9 @@
 import numpy as np
 import pytest
 
-from hovercontrol.analysis.k06.law_regions import (
-    delayed_force,
-    force_craft,
-    forward_region,
-    law_loop,
-    linearly_stable,
-    reverse_region,
-)
 from hovercontrol.controllers.k06 import forward, reverse
+from hovercontrol.documents.k06.law_loop import delayed_force, force_craft, law_loop, linearly_stable
+from hovercontrol.documents.k06.law_regions import forward_region, reverse_region
 from hovercontrol.errors import InputError
 
 MASS, INERTIA, ARM = 2.6, 0.096, 0.32
