@@ -12,8 +12,6 @@ from hovercontrol.analysis.iss import (
     peak_gain,
     simulated_errors,
 )
-from hovercontrol.analysis.k06.basins import turn_basins
-from hovercontrol.analysis.k06.law_regions import forward_region, reverse_region
 from hovercontrol.analysis.loop_gain import loop_gain
 from hovercontrol.analysis.loop_modes import OutsideModes
 from hovercontrol.analysis.lyapunov import Decay, LyapunovFunction, decay, fastest_beta, lyapunov_function
@@ -35,8 +33,7 @@ __all__ = [
     "Axis", "axis", "Region", "mesh", "sweep_map",
     "ZeroDynamics", "zero_dynamics", "predict",
     "IssGain", "iss_gain", "mismatch", "peak_gain", "lyapunov_gain", "simulated_errors",
-    "forward_region", "reverse_region",
-    "turn_basins", "Margins", "FrozenMargins", "OutsideModes", "loop_margins", "margins", "margins_along",
+    "Margins", "FrozenMargins", "OutsideModes", "loop_margins", "margins", "margins_along",
     "Bode", "bode", "Nyquist", "nyquist", "Sensitivity", "sensitivity", "loop_gain",
     "PacketLoop", "packet_loop", "packet_loop_along",
     "Stabilizability", "stabilizability",

@@ -6,8 +6,12 @@ import argparse
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
+import pyarrow
+import pyarrow.csv
 from matplotlib.figure import Figure
+from numpy.typing import ArrayLike
 
 from hovercontrol.endings import run
 from hovercontrol.io.figure_style import figure_style
@@ -17,12 +21,15 @@ from hovercontrol.io.folders import write_folder
 #: Called now and then with the share that is done, 0 to 1.
 Progress = Callable[[float], None]
 
+#: A table to write: a function that writes it to a path, rows, or columns by name.
+Table = Callable[[Path], object] | Sequence[Mapping[str, Any]] | Mapping[str, ArrayLike]
+
 
 def save(
     out: str | Path,
     name: str,
     figure: Figure,
-    tables: Mapping[str, Callable[[Path], object]],
+    tables: Mapping[str, Table],
     findings: Sequence[str],
 ) -> list[Path]:
     """Write ``NAME.png``, ``NAME.svg``, ``NAME.txt`` and the tables; they are written atomically.
@@ -33,8 +40,8 @@ def save(
         The folder; made if it is not there.
     name : str
     figure : matplotlib.figure.Figure
-    tables : mapping of str to callable
-        By name without suffix; called with the path of a CSV file to write.
+    tables : mapping of str to :data:`Table`
+        By file name without suffix; written as CSV.
     findings : sequence of str
         Sentences.
 
@@ -48,10 +55,19 @@ def save(
         figure.savefig(folder / f"{name}.png", dpi=150)
         figure.savefig(folder / f"{name}.svg", dpi=150)
         (folder / f"{name}.txt").write_text("\n".join(findings) + "\n", encoding="utf-8")
-        for table, fill in tables.items():
-            fill(folder / f"{table}.csv")
+        for title, table in tables.items():
+            _write_table(folder / f"{title}.csv", table)
 
     return write_folder(out, write)
+
+
+def _write_table(path: Path, table: Table) -> None:
+    if callable(table):
+        table(path)
+    elif isinstance(table, Mapping):
+        pyarrow.csv.write_csv(pyarrow.table(dict(table)), path)
+    else:
+        pyarrow.csv.write_csv(pyarrow.Table.from_pylist(list(table)), path)
 
 
 def script(main: Callable[..., list[Path]], description: str) -> None:

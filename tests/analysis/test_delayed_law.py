@@ -6,7 +6,7 @@ from scipy.integrate import solve_ivp
 
 from hovercontrol import InputError
 from hovercontrol.analysis.delayed_law import DelayedLoop
-from hovercontrol.analysis.k06.law_regions import force_craft
+from hovercontrol.documents.k06.law_loop import force_craft
 
 LINE = force_craft().linearize([1.1, 0.0, 0.0], [0.0, 0.0])
 

@@ -10,12 +10,12 @@ from hypothesis import strategies as st
 
 from hovercontrol import Block, InputError, Signal, interconnect
 from hovercontrol.analysis.cut_loop import CutLoop, break_loop
-from hovercontrol.analysis.k06.law_regions import delayed_force, force_craft
 from hovercontrol.analysis.loops import c17_ellipse, on_reference
 from hovercontrol.analysis.margins import loop_margins, margins, margins_along
 from hovercontrol.controllers import tracking_controller
 from hovercontrol.controllers.k06 import forward, setpoints
 from hovercontrol.core.interconnect import rename
+from hovercontrol.documents.k06.law_loop import delayed_force, force_craft
 from hovercontrol.models.vehicles import c17_simulation
 
 M, J, D = 2.6, 0.096, 0.32

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from hovercontrol import Block, InputError, Signal, interconnect
-from hovercontrol.analysis.k06.law_regions import force_craft
 from hovercontrol.analysis.loops import c17_ellipse, on_reference
 from hovercontrol.analysis.packet_loss import PacketLoop, packet_loop, packet_loop_along
 from hovercontrol.controllers import tracking_controller
 from hovercontrol.controllers.k06 import forward, setpoints
+from hovercontrol.documents.k06.law_loop import force_craft
 from hovercontrol.models.vehicles import c17_simulation
 
 M, J, D = 2.6, 0.096, 0.32

@@ -20,7 +20,7 @@ from hovercontrol.analysis import (
     margins_along,
     observability_gramian,
 )
-from hovercontrol.analysis.k06.budget import Budget, Cost
+from hovercontrol.analysis.budget import Budget, Cost
 from hovercontrol.estimators.history import estimate_from_log
 from hovercontrol.estimators.ins import consistency
 from hovercontrol.hardware.actuators import FanTable, ServoTable

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import cumulative_trapezoid
 
-from hovercontrol.analysis.k06.ins_monte_carlo import (
+from hovercontrol.analysis.ins_monte_carlo import (
     course,
     covariance,
     estimation_errors,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hovercontrol.analysis.k06.ins_monte_carlo import (
+from hovercontrol.analysis.ins_monte_carlo import (
     course,
     estimation_errors,
     inputs_of,

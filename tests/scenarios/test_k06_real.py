@@ -8,7 +8,7 @@ import numpy as np
 import pyarrow.csv
 import pytest
 
-from hovercontrol.analysis.k06.budget import Budget, Cost, budget
+from hovercontrol.analysis.budget import Budget, Cost, budget
 from hovercontrol.autopilot import SWITCHES, Imperfections, seeds
 from hovercontrol.commands.simulate import _show_clipped
 from hovercontrol.discrepancy import diagnose

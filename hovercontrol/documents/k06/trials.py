@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from hovercontrol.analysis.k06.reverse_error import ASTERN, SUSPECTS, steady_errors
-from hovercontrol.analysis.k06.trials import trial_metrics
+from hovercontrol.analysis.trials import trial_metrics
 from hovercontrol.documents.item import Item, about, at_most
+from hovercontrol.documents.k06.reverse_error import ASTERN, SUSPECTS, steady_errors
 from hovercontrol.scenarios import Run, load_scenario, run_scenario
 from hovercontrol.scenarios.figures import figures
 

@@ -1,1 +1,0 @@
-"""Analyses of K06's laws, bench and real loop."""

@@ -1,0 +1,175 @@
+"""K06's trials in the real loop over many seeds: each figure asked for, and how often it is met."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from hovercontrol.analysis.output import Progress, save
+from hovercontrol.analysis.trials import trial_metrics
+from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.scenarios import load_scenario
+
+Array = NDArray[np.float64]
+
+
+class Asked(NamedTuple):
+    """What K06's text says of a trial, as a band; how it is measured stands in the scenario's metrics.
+
+    Attributes
+    ----------
+    metrics : tuple of str
+        Their names; of several the largest value counts, so that all must be met.
+    low, high : float
+    unit, name : str
+    """
+
+    metrics: tuple[str, ...]
+    low: float
+    high: float
+    unit: str
+    name: str
+
+
+_DEGREE = math.radians(1.0)
+_REST = tuple(
+    f"time until the {what} stays within {size}"
+    for what, size in (("surge", "0.1 m/s"), ("sway", "0.1 m/s"), ("yaw rate", "0.3 rad/s"))
+)
+_SWING = ("heading error at the end, largest",)
+_NEAR = ("time until within 1 deg for the first time",)
+
+#: By trial (``k06-real-...``) the figures asked for; figures 6.11 and 6.12 are drawn to 35 s.
+ASKED: dict[str, tuple[Asked, ...]] = {
+    "stop": (Asked(_REST, 8.0, 12.0, "s", "at rest"),),
+    "forward": (
+        Asked(("time until 1.1 m/s for the first time",), 4.0, 6.0, "s", "first at 1.1 m/s"),
+        Asked(("surge from 8 s, farthest from 1.1 m/s",), 0.0, 0.1, "m/s", "off 1.1 m/s from 8 s on"),
+    ),
+    "reverse": (
+        Asked(("time until -0.71 m/s, 0.05 from what is told",), 4.0, 6.0, "s", "within 0.05 of -0.76 m/s"),
+        Asked(("surge from 8 s, farthest from -0.76 m/s",), 0.0, 0.1, "m/s", "off -0.76 m/s from 8 s on"),
+    ),
+    "turn": (Asked(("yaw rate, mean",), 2.9, 3.1, "rad/s", "mean yaw rate"),),
+    "heading-bangbang": (Asked(_SWING, 0.0, _DEGREE, "rad", "heading error, 25 to 35 s"),),
+    "heading-proportional": (Asked(_SWING, 0.0, _DEGREE, "rad", "heading error, 25 to 35 s"),),
+    "heading-bangbang-rest": (
+        Asked(_NEAR, 0.0, 35.0, "s", "first within 1 deg"),
+        Asked(_SWING, 0.0, _DEGREE, "rad", "heading error, 15 to 25 s"),
+    ),
+    "heading-proportional-rest": (
+        Asked(_NEAR, 0.0, 35.0, "s", "first within 1 deg"),
+        Asked(_SWING, 0.0, _DEGREE, "rad", "heading error, 15 to 25 s"),
+    ),
+}  # fmt: skip
+
+
+class Row(NamedTuple):
+    """One figure of one trial: what is asked, and its value for each seed."""
+
+    trial: str
+    asked: Asked
+    values: Array
+
+    @property
+    def met(self) -> float:
+        """Share of the seeds inside the band."""
+        return float(np.mean((self.values >= self.asked.low) & (self.values <= self.asked.high)))
+
+
+def main(out: Path, progress: Progress | None = None, *, trial: str = "", runs: int = 20) -> list[Path]:
+    """Run the trials with the seeds from 1 on; set each figure beside what is asked."""
+    trials = [_known(trial)] if trial else list(ASKED)
+    tell = progress or (lambda share: None)
+    rows: list[Row] = []
+    for k, name in enumerate(trials):
+        done = lambda share, k=k: tell((k + share) / len(trials))  # noqa: E731
+        found = trial_metrics(load_scenario(f"k06-real-{name}"), runs=runs, progress=done)
+        for asked in ASKED[name]:
+            rows.append(Row(name, asked, np.max([found[key] for key in asked.metrics], axis=0)))
+    return save(out, "k06_trials", _figure(rows, runs), {"k06_trials": _columns(rows)}, _words(rows, runs))
+
+
+def _known(trial: str) -> str:
+    short = trial.removeprefix("k06-").removeprefix("real-")
+    if short not in ASKED:
+        raise InputError(f"k06_trials: unknown trial {trial!r}{did_you_mean(short, ASKED)}")
+    return short
+
+
+def _words(rows: Sequence[Row], runs: int) -> list[str]:
+    heads = ["trial", "figure", "asked", "median", "range", "met"]
+    lines = [heads]
+    for trial, asked, values in rows:
+        ends = (float(np.median(values)), float(values.min()), float(values.max()))
+        median, low, high = (_plain(v, asked.unit) for v in ends)
+        band = f"{_plain(asked.low, asked.unit)} to {_plain(asked.high, asked.unit)}"
+        name = f"{asked.name} [{'deg' if asked.unit == 'rad' else asked.unit}]"
+        met = f"{100 * Row(trial, asked, values).met:.0f} %"
+        lines.append([trial, name, band, median, f"{low} to {high}", met])
+    widths = [max(len(line[k]) for line in lines) for k in range(len(heads))]
+    table = ["  ".join(c.ljust(w) for c, w in zip(line, widths, strict=True)).rstrip() for line in lines]
+    return [
+        *table,
+        f"{runs} seeds. At rest: |u|, |v| < 0.1 m/s and |r| < 0.3 rad/s for good; inf: not within the trial.",
+        "Asked of the headings is their pointing tolerance; K06 prints no figure of its own real loop's end,",
+        "and the axis of its figure 6.12d shows that the heading passes 2 rad where 1 rad is wanted.",
+    ]
+
+
+def _plain(value: float, unit: str) -> str:
+    """Return a number in words, angles in degrees."""
+    if unit == "rad":
+        return f"{math.degrees(value):.0f}"
+    return f"{value:.1f}" if unit == "s" else f"{value:.2f}"
+
+
+def _figure(rows: Sequence[Row], runs: int) -> Figure:
+    columns = min(3, len(rows))
+    lines = math.ceil(len(rows) / columns)
+    figure = Figure(figsize=(4.2 * columns + 0.6, 1.5 * lines + 1.0), layout="constrained")
+    places = figure.subplots(lines, columns, squeeze=False).ravel()
+    for row, place in zip(rows, places, strict=False):
+        _draw(place, row)
+    for place in places[len(rows) :]:
+        place.remove()
+    figure.suptitle(f"K06's real loop, {runs} seeds: asked (green), each seed, median")
+    return figure
+
+
+def _draw(axes: Axes, row: Row) -> None:
+    factor = 1 / _DEGREE if row.asked.unit == "rad" else 1.0
+    there = row.values[np.isfinite(row.values)] * factor
+    spread = np.linspace(-0.25, 0.25, len(there)) if len(there) > 1 else np.zeros(len(there))
+    axes.axvspan(row.asked.low * factor, row.asked.high * factor, color="C2", alpha=0.25, lw=0)
+    axes.plot(there, spread, "o", color="C0", ms=3.5, alpha=0.8)
+    axes.axvline(float(np.median(row.values)) * factor, color="C3", lw=1.5)
+    missing = len(row.values) - len(there)
+    if missing:
+        told = f"{missing} not within the trial"
+        axes.text(0.98, 0.9, told, transform=axes.transAxes, ha="right", va="top", fontsize=8)
+    axes.set(ylim=(-0.6, 0.6), yticks=[])
+    axes.set_xlabel(f"{row.asked.name} [{'deg' if factor != 1 else row.asked.unit}]", fontsize=9)
+    axes.set_title(f"{row.trial}: {100 * row.met:.0f} % inside", fontsize=9)
+    axes.grid(axis="x", alpha=0.3)
+
+
+def _columns(rows: Sequence[Row]) -> dict[str, list[Any]]:
+    return {
+        "trial": [r.trial for r in rows],
+        "figure": [r.asked.name for r in rows],
+        "unit": [r.asked.unit for r in rows],
+        "asked from": [r.asked.low for r in rows],
+        "asked to": [r.asked.high for r in rows],
+        "median": [float(np.median(r.values)) for r in rows],
+        "least": [float(r.values.min()) for r in rows],
+        "largest": [float(r.values.max()) for r in rows],
+        "share inside": [r.met for r in rows],
+    }
