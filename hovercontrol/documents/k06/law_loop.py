@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from functools import lru_cache
 
@@ -10,13 +11,16 @@ import sympy as sp
 from numpy.typing import NDArray
 
 from hovercontrol.analysis.normal_form import symbol
-from hovercontrol.controllers.k06 import force_to_command
-from hovercontrol.controllers.k06.laws import FORCE_X, FORCE_Y, SURGE_REF
+from hovercontrol.controllers.k06 import force_to_command, setpoints, turn
+from hovercontrol.controllers.k06.energy import body_signals, kinetic_energy, unwanted_level
+from hovercontrol.controllers.k06.laws import FORCE_X, FORCE_Y, SURGE_REF, YAW_RATE_REF
 from hovercontrol.core.block import Block
 from hovercontrol.core.delays import pade
 from hovercontrol.core.interconnect import interconnect, rename
 from hovercontrol.core.signals import Signal
+from hovercontrol.errors import InputError
 from hovercontrol.hardware.links import bluetooth_delays
+from hovercontrol.io.tables import number
 from hovercontrol.models.model import MOTION
 from hovercontrol.models.vehicles import HOVERDEMON_BODY, hoverdemon
 from hovercontrol.scenarios import load_scenario
@@ -25,6 +29,9 @@ Array = NDArray[np.float64]
 
 #: Mean round trip of K06's link, table 5.1 [s].
 ROUND_TRIP = bluetooth_delays("linksys_22.0_round_trip").mean
+
+#: A craft turns once W is below this share of W_bad: its yaw rate is then within 10 % of r_ref.
+TURNING = 0.0026
 
 #: Surge, sway and yaw rate: u, v, r.
 MOVING = MOTION[3:]
@@ -130,3 +137,48 @@ def linearly_stable(loop: Block, params: Mapping[str, Array]) -> NDArray[np.bool
     size = len(values[0])
     full = np.stack([np.broadcast_to(np.asarray(e, dtype=float), size) for e in entries], axis=-1)
     return np.linalg.eigvals(full.reshape(size, *J.shape)).real.max(axis=-1) < 0
+
+
+def turn_loop(*, k1: float, k2: float, yaw_rate: float) -> Block:
+    """Return K06's craft under the turn law, with outputs for the energy and the unwanted limit point.
+
+    Outputs ``level``, W/W_bad of (2.36); ``away`` [m/s], the distance from the unwanted limit point with yaw
+    rates as velocities at the rudder; ``waited`` [s], the time during which W was above :data:`TURNING` of
+    W_bad: since W never grows, the time until the craft turns. States ``craft.u``, ``craft.v``, ``craft.r``.
+
+    Parameters
+    ----------
+    k1, k2 : float
+        Gains [kg/s], positive.
+    yaw_rate : float
+        r_ref [rad/s].
+
+    Raises
+    ------
+    InputError
+        If a gain is not positive, or the yaw rate zero: then both limit points are one.
+    """
+    if not math.isfinite(number("yaw_rate", yaw_rate)):
+        raise InputError(f"yaw_rate must be finite, found {yaw_rate!r}")
+    if yaw_rate == 0:
+        raise InputError("yaw_rate: expected a turn, found 0 rad/s: the two limit points are one")
+    law = turn(k1=k1, k2=k2, name="law")
+    u, v, r = (s.symbol for s in MOVING)
+    parameters = body_signals(HOVERDEMON_BODY)
+    m, J, d = (s.symbol for s in parameters)
+    ref = YAW_RATE_REF.symbol
+    waited = Signal("waited", "s", "until W is below a share of W_bad")
+    level = Signal("level", "1", "W/W_bad")
+    watch = Block(
+        "watch",
+        states=(waited,),
+        inputs=(*MOVING, YAW_RATE_REF),
+        outputs=(level, Signal("away", "m/s", "from the unwanted limit point"), waited),
+        parameters=parameters,
+        definitions={"level": kinetic_energy(m, J, u, v, r - ref) / unwanted_level(m, J, d, ref)},
+        definition_signals=(level,),
+        derivatives={"waited": sp.Piecewise((1, level.symbol > TURNING), (0, True))},
+        output_expressions={"away": sp.sqrt(u**2 + (v + d * ref) ** 2 + (d * r) ** 2)},
+    )
+    told = setpoints([law], {"yaw_rate_ref": yaw_rate})
+    return interconnect([force_craft(), law, told, watch], "loop", outputs=["level", "away", "waited"])

@@ -20,32 +20,25 @@ import math
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-import sympy as sp
 from numpy.typing import NDArray
 
 from hovercontrol.analysis.regions import Axis, Region, axis, mesh, refuse_large
-from hovercontrol.controllers.k06 import setpoints, turn
-from hovercontrol.controllers.k06.energy import body_signals, entry_energy, kinetic_energy, unwanted_level
-from hovercontrol.controllers.k06.laws import YAW_RATE_REF
-from hovercontrol.core.block import Block
+from hovercontrol.controllers.k06.energy import entry_energy, kinetic_energy, unwanted_level
 from hovercontrol.core.boundary import checked
-from hovercontrol.core.interconnect import interconnect
-from hovercontrol.core.signals import Signal
-from hovercontrol.documents.k06.law_loop import MOVING, force_craft
+from hovercontrol.documents.k06.law_loop import TURNING, turn_loop
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.io.tables import number, positive
 from hovercontrol.models.vehicles import HOVERDEMON_BODY, Body
+from hovercontrol.targets.sweep import SweepResult
 
 Array = NDArray[np.float64]
 Plane = Mapping[str, tuple[float, float]]
 
 #: A run that ends within this distance of the unwanted limit point is on its slow manifold [m/s].
 CLOSE = 0.1
-
-#: A craft turns once W is below this share of W_bad: its yaw rate is then within 10 % of r_ref.
-TURNING = 0.0026
 
 #: Tolerances of the runs: relative, and absolute in m/s and rad/s.
 RTOL, ATOL = 1e-9, 1e-12
@@ -61,51 +54,6 @@ DRIFT_AND_TURN: Plane = {"v": (-2.5, 2.5), "r": (-8.0, 8.0)}
 _SECONDS_PER_RUN = 3e-4
 
 _ABOUT = {"u": "initial surge u", "v": "initial sway v", "r": "initial yaw rate r"}
-
-
-def turn_loop(*, k1: float, k2: float, yaw_rate: float) -> Block:
-    """Return K06's craft under the turn law, with outputs for the energy and the unwanted limit point.
-
-    Outputs ``level``, W/W_bad of (2.36); ``away`` [m/s], the distance from the unwanted limit point with yaw
-    rates as velocities at the rudder; ``waited`` [s], the time during which W was above :data:`TURNING` of
-    W_bad: since W never grows, the time until the craft turns. States ``craft.u``, ``craft.v``, ``craft.r``.
-
-    Parameters
-    ----------
-    k1, k2 : float
-        Gains [kg/s], positive.
-    yaw_rate : float
-        r_ref [rad/s].
-
-    Raises
-    ------
-    InputError
-        If a gain is not positive, or the yaw rate zero: then both limit points are one.
-    """
-    if not math.isfinite(number("yaw_rate", yaw_rate)):
-        raise InputError(f"yaw_rate must be finite, found {yaw_rate!r}")
-    if yaw_rate == 0:
-        raise InputError("yaw_rate: expected a turn, found 0 rad/s: the two limit points are one")
-    law = turn(k1=k1, k2=k2, name="law")
-    u, v, r = (s.symbol for s in MOVING)
-    parameters = body_signals(HOVERDEMON_BODY)
-    m, J, d = (s.symbol for s in parameters)
-    ref = YAW_RATE_REF.symbol
-    waited = Signal("waited", "s", "until W is below a share of W_bad")
-    level = Signal("level", "1", "W/W_bad")
-    watch = Block(
-        "watch",
-        states=(waited,),
-        inputs=(*MOVING, YAW_RATE_REF),
-        outputs=(level, Signal("away", "m/s", "from the unwanted limit point"), waited),
-        parameters=parameters,
-        definitions={"level": kinetic_energy(m, J, u, v, r - ref) / unwanted_level(m, J, d, ref)},
-        definition_signals=(level,),
-        derivatives={"waited": sp.Piecewise((1, level.symbol > TURNING), (0, True))},
-        output_expressions={"away": sp.sqrt(u**2 + (v + d * ref) ** 2 + (d * r) ** 2)},
-    )
-    told = setpoints([law], {"yaw_rate_ref": yaw_rate})
-    return interconnect([force_craft(), law, told, watch], "loop", outputs=["level", "away", "waited"])
 
 
 def slow_rate(*, k1: float, yaw_rate: float, body: Body = HOVERDEMON_BODY) -> float:
@@ -197,25 +145,12 @@ def turn_basins(
         progress=progress,
     )
     body = HOVERDEMON_BODY
-    energy = kinetic_energy(body.mass, body.inertia, **start)
-    error = kinetic_energy(body.mass, body.inertia, **{**start, "r": start["r"] - yaw_rate})
     bad, entry = levels(yaw_rate)
-    well = runs.status == 0
-    turns = well & (runs["level"].final <= TURNING)
-    near = well & (runs["away"].final < CLOSE)
-    rate = runs.states_final[:, runs.states.index("craft.r")] * np.sign(yaw_rate)
-    unwanted = near & (rate <= -TOLD)
-    stuck = well & ~turns & ~unwanted
     kappa = slow_rate(k1=k1, yaw_rate=abs(yaw_rate))
-    leaves = np.where(stuck & (rate >= TOLD), duration + 1 / (kappa * np.maximum(rate, TOLD)), np.nan)
-    maps = {
-        "unwanted": unwanted,
-        "turns": turns,
-        "stuck": stuck,
-        "level": error < bad,
-        "entry": energy < entry,
-        "time": np.where(turns, runs["waited"].final, np.nan),
-        "leaves": leaves,
+    classes, times = _classes(runs, yaw_rate, duration, kappa)
+    inside = {
+        "level": kinetic_energy(body.mass, body.inertia, **{**start, "r": start["r"] - yaw_rate}) < bad,
+        "entry": kinetic_energy(body.mass, body.inertia, **start) < entry,
     }
     third = next(iter(set(_ABOUT) - set(plane)))
     value = float(start[third][0])
@@ -228,7 +163,7 @@ def turn_basins(
         f"K06 turn law, r_ref = {yaw_rate:g} rad/s, from {third} = {value:g} {unit}",
         x,
         y,
-        {name: values.reshape(points, points) for name, values in maps.items()},
+        {n: values.reshape(points, points) for n, values in (classes | inside | times).items()},
         units={"time": "s", "leaves": "s"},
         labels={
             "unwanted": "simulated: to (0, -d r_ref, 0), unwanted",
@@ -242,6 +177,26 @@ def turn_basins(
         lines={name: curve for name, curve in lines.items() if len(curve[0])},
         marks=_limit_points(x, y, {third: value}, yaw_rate, body),
     )
+
+
+def _classes(
+    runs: SweepResult, yaw_rate: float, duration: float, kappa: float
+) -> tuple[dict[str, NDArray[Any]], dict[str, NDArray[Any]]]:
+    """Return the class of each run, the time until it turns, and the time at which a stuck one leaves [s].
+
+    On the slow manifold ``r' = kappa r^2``, so that r grows without bound ``1/(kappa r)`` later.
+    """
+    well = runs.status == 0
+    turns = well & (runs["level"].final <= TURNING)
+    near = well & (runs["away"].final < CLOSE)
+    rate = runs.states_final[:, runs.states.index("craft.r")] * np.sign(yaw_rate)
+    unwanted = near & (rate <= -TOLD)
+    stuck = well & ~turns & ~unwanted
+    leaves = duration + 1 / (kappa * np.maximum(rate, TOLD))
+    return {"unwanted": unwanted, "turns": turns, "stuck": stuck}, {
+        "time": np.where(turns, runs["waited"].final, np.nan),
+        "leaves": np.where(stuck & (rate >= TOLD), leaves, np.nan),
+    }
 
 
 def levels(yaw_rate: float, body: Body = HOVERDEMON_BODY) -> tuple[float, float]:

@@ -6,16 +6,15 @@ from scipy.integrate import solve_ivp
 
 from hovercontrol import InputError
 from hovercontrol.controllers.k06.energy import kinetic_energy
+from hovercontrol.documents.k06.law_loop import TURNING, turn_loop
 from hovercontrol.documents.k06.turn_basins import (
     ATOL,
     CLOSE,
     RTOL,
     TOLD,
-    TURNING,
     levels,
     slow_rate,
     turn_basins,
-    turn_loop,
 )
 
 M, J, D = 2.6, 0.096, 0.32

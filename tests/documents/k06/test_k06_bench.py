@@ -15,7 +15,8 @@ from hovercontrol.core.signals import Signal
 from hovercontrol.documents import printed
 from hovercontrol.documents.k06 import bench, gyro
 from hovercontrol.documents.k06.bench.aids import aided, aided_settings
-from hovercontrol.documents.k06.bench.blocks import UNITS, encoder, sample_delay
+from hovercontrol.documents.k06.bench.blocks import UNITS
+from hovercontrol.documents.k06.bench.instruments import encoder, sample_delay
 from hovercontrol.documents.k06.bench.runs import COLUMNS, CRICKET_AGE, GUESSED, STATED, errors
 from hovercontrol.documents.k06.bench.square_wave import square_wave
 from hovercontrol.documents.k06.bench.units import PLACES, second_unit, unit_headings

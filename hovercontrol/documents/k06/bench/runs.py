@@ -14,7 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.autopilot.turntable import ARM
 from hovercontrol.documents.item import Printed
-from hovercontrol.documents.k06.bench.blocks import CENTRE, OLDEST, bench
+from hovercontrol.documents.k06.bench.blocks import OLDEST, bench
+from hovercontrol.documents.k06.bench.instruments import CENTRE
 from hovercontrol.estimators.ins import IMU_PERIOD, K06_NOISE
 from hovercontrol.io.short_repr import short_repr
 from hovercontrol.targets.compiled import CompiledBlock
