@@ -12,7 +12,7 @@ MOST_DRAWN = 8000
 
 
 def envelope(row: NDArray[np.float64], most: int = MOST_DRAWN) -> NDArray[np.intp]:
-    """Return which rows to draw: all, or the smallest and the largest of each of many spans, in order.
+    """Return which rows to draw: all, or the ends and the smallest and largest of many spans, in order.
 
     Parameters
     ----------
@@ -30,5 +30,6 @@ def envelope(row: NDArray[np.float64], most: int = MOST_DRAWN) -> NDArray[np.int
         return known
     edges = np.linspace(0, known.size, most // 2 + 1).astype(np.intp)
     values = row[known]
-    picked = [a + f(values[a:b]) for a, b in pairwise(edges.tolist()) for f in (np.argmin, np.argmax)]
+    picked = [0, known.size - 1]
+    picked += [a + f(values[a:b]) for a, b in pairwise(edges.tolist()) for f in (np.argmin, np.argmax)]
     return np.asarray(known[np.unique(picked)])

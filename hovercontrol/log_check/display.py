@@ -10,7 +10,8 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 
-from hovercontrol.display.html import card, lines, sparkline, table
+from hovercontrol.display.html import card, lines, table
+from hovercontrol.display.svg import sparkline
 from hovercontrol.identify.result import Fitted
 from hovercontrol.io.envelope import envelope
 from hovercontrol.io.percent import percent
