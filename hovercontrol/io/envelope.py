@@ -12,7 +12,7 @@ MOST_DRAWN = 8000
 
 
 def envelope(row: NDArray[np.float64], most: int = MOST_DRAWN) -> NDArray[np.intp]:
-    """Return which rows to draw: all, or the smallest and the largest of each of many spans, in order.
+    """Return which rows to draw: all, or the ends and the smallest and largest of many spans, in order.
 
     Parameters
     ----------
@@ -22,13 +22,14 @@ def envelope(row: NDArray[np.float64], most: int = MOST_DRAWN) -> NDArray[np.int
 
     Examples
     --------
-    >>> envelope(np.array([0.0, 1, 0, 0, 5, 0, 0, -3]), most=4)
+    >>> envelope(np.array([0.0, 1, 0, 0, 5, 0, 0, -3]), most=6)
     array([0, 1, 4, 7])
     """
     known = np.flatnonzero(np.isfinite(row))
     if known.size <= most:
         return known
-    edges = np.linspace(0, known.size, most // 2 + 1).astype(np.intp)
+    edges = np.linspace(0, known.size, most // 2).astype(np.intp)
     values = row[known]
-    picked = [a + f(values[a:b]) for a, b in pairwise(edges.tolist()) for f in (np.argmin, np.argmax)]
+    picked = [0, known.size - 1]
+    picked += [a + f(values[a:b]) for a, b in pairwise(edges.tolist()) for f in (np.argmin, np.argmax)]
     return np.asarray(known[np.unique(picked)])

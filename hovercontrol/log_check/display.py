@@ -10,17 +10,19 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 
-from hovercontrol.display.html import card, lines, sparkline, table
+from hovercontrol.display.html import card, lines, table
+from hovercontrol.display.svg import sparkline
 from hovercontrol.identify.result import Fitted
 from hovercontrol.io.envelope import envelope
+from hovercontrol.io.figure_style import BLUE, GREEN, VERMILION
 from hovercontrol.io.percent import percent
 from hovercontrol.log_check.facts import Column, LogFacts
 
 if TYPE_CHECKING:
     from hovercontrol.log_check.check import Checked
 
-#: Colours for colour-blind readers (Okabe and Ito); shapes and hatching carry the same information.
-MEASURED, COMMAND, WRONG, GAP = "#0072B2", "#009E73", "#D55E00", "0.85"
+#: Colours; shapes and hatching carry the same information.
+MEASURED, COMMAND, WRONG, GAP = BLUE, GREEN, VERMILION, "0.85"
 
 COLOURS = {"measured": MEASURED, "command": COMMAND, "other": "0.4"}
 

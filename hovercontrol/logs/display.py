@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
-from hovercontrol.display.html import card, sparkline, table
+from hovercontrol.display.html import card, table
+from hovercontrol.display.svg import sparkline
 from hovercontrol.io.figure_style import BLUE, VERMILION
 
 if TYPE_CHECKING:

@@ -10,7 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from hovercontrol.display.html import card, lines, sparkline, table
+from hovercontrol.display.html import card, lines, table
+from hovercontrol.display.svg import sparkline
 from hovercontrol.io.figure_style import BLUE, COLOUR_MAP
 
 if TYPE_CHECKING:

@@ -13,8 +13,8 @@ from hovercontrol.discrepancy.evidence.holdout import Gained
 from hovercontrol.discrepancy.report import gap_sentence, headline, remainder_sentence, write_report
 from hovercontrol.discrepancy.report.formatting import meaning
 from hovercontrol.discrepancy.report.free_run import free_run
-from hovercontrol.discrepancy.report.svg import Plot, bounds, ticks
 from hovercontrol.discrepancy.search.leads import ASKED_FOR, Lead
+from hovercontrol.display.svg import Plot, bounds, ticks
 from hovercontrol.effects import effect_class, effect_names
 from hovercontrol.logs import Log
 

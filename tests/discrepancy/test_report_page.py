@@ -13,8 +13,8 @@ from hovercontrol.discrepancy.report.context import Context
 from hovercontrol.discrepancy.report.equations import equations
 from hovercontrol.discrepancy.report.free_run import FreeRun
 from hovercontrol.discrepancy.report.page import page as html
-from hovercontrol.discrepancy.report.svg import Plot, labelled
 from hovercontrol.discrepancy.report.templates import figures
+from hovercontrol.display.svg import Plot, labelled
 from hovercontrol.effects import effect
 from hovercontrol.models.model import Model
 

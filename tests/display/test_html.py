@@ -10,7 +10,8 @@ import pytest
 
 import hovercontrol as hc
 import hovercontrol.fmi
-from hovercontrol.display.html import ROWS, sparkline, table
+from hovercontrol.display.html import ROWS, table
+from hovercontrol.display.svg import sparkline
 from hovercontrol.logs import Log
 from hovercontrol.models.blockmodel import BlockModel
 from hovercontrol.targets.compiler import NoCompilerError, find_compiler
@@ -156,7 +157,7 @@ def test_a_sparkline_has_gaps_few_points_and_the_extremes():
     y = np.sin(20 * t)
     y[1234] = 5.0
     whole = sparkline(t, y)
-    heights = [float(p.split(",")[1]) for p in re.findall(r"points='(.*?)'", whole)[0].split()]
+    heights = [float(p.split()[1]) for p in re.findall(r"points='(.*?)'", whole)[0].split(",")]
     assert len(heights) < 300 and min(heights) == 2.0  # the single peak is there
     y[2000:2400] = np.nan
     assert sparkline(t, y).count("<polyline") == 2

@@ -13,8 +13,8 @@ from hovercontrol.discrepancy.evidence.holdout import Ahead
 from hovercontrol.discrepancy.evidence.missing import Missing
 from hovercontrol.discrepancy.report.formatting import prime, small, times, unit
 from hovercontrol.discrepancy.report.free_run import FreeRun
-from hovercontrol.discrepancy.report.svg import Plot, bounds
 from hovercontrol.discrepancy.report.templates import render
+from hovercontrol.display.svg import Plot, bounds
 
 Array = NDArray[np.float64]
 

@@ -1,4 +1,4 @@
-"""Small plots as inline SVG. Colours come from the page's style, for light and dark mode."""
+"""Small plots and sparklines as inline SVG. Colours come from the page's style, for light and dark mode."""
 
 from __future__ import annotations
 
@@ -9,7 +9,10 @@ from html import escape
 from itertools import pairwise, product
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+
+from hovercontrol.display.html import Markup
+from hovercontrol.io.envelope import envelope
 
 Array = NDArray[np.float64]
 
@@ -24,6 +27,9 @@ LEFT, RIGHT, TOP, BOTTOM = 46.0, 8.0, 26.0, 22.0
 
 #: Width of a character of tick labels and of a title [px], in the widest font that a page may use.
 WIDE, WIDER = 7.0, 8.6
+
+#: Size of a sparkline [px], and its maximum number of points.
+SPARK_WIDTH, SPARK_HEIGHT, SPARK_POINTS = 160.0, 26.0, 240
 
 
 class Plot:
@@ -73,7 +79,7 @@ class Plot:
         """
         fresh = []
         for part in _pieces(x + y, starts):
-            rows = _thinned(y[part], max(8, MOST * (part.stop - part.start) // y.size)) + part.start
+            rows = envelope(y[part], max(8, MOST * (part.stop - part.start) // y.size)) + part.start
             points = _points(*self.at(x[rows], y[rows]))
             self._parts.append(f'<path class="line {kind}" d="M{"L".join(points)}"/>')
             if 1 < len(starts) <= RINGS:
@@ -153,6 +159,44 @@ class Plot:
             + (label if x_label else "")
             + "</svg>"
         )
+
+
+def sparkline(time: ArrayLike, values: ArrayLike, *, stairs: bool = False) -> Markup:
+    """Return a signal over time as a small line without axes, with gaps where it is not a number.
+
+    Parameters
+    ----------
+    time, values : array_like, shape (n,)
+    stairs : bool, optional
+        Whether the values hold from one time to the next.
+
+    Examples
+    --------
+    >>> sparkline([0.0, 1.0], [0.0, 2.0]).count("<polyline"), sparkline([], [])
+    (1, '')
+    """
+    t, y = np.asarray(time, dtype=float), np.asarray(values, dtype=float)
+    known = np.isfinite(y)
+    if not known.any():
+        return Markup("")
+    low, high, begin, end = float(y[known].min()), float(y[known].max()), float(t[0]), float(t[-1])
+    across = (t - begin) / ((end - begin) or 1.0) * (SPARK_WIDTH - 2) + 1
+    up = SPARK_HEIGHT - 2 - (y - low) / ((high - low) or 1.0) * (SPARK_HEIGHT - 4)
+    if known.mean() < 0.9:  # rows of commands between those of measurements are no gaps
+        across, up = across[known], up[known]
+    lines = ""
+    for part in _pieces(up):
+        x, h = across[part], up[part]
+        if stairs:
+            x, h = np.repeat(x, 2)[1:], np.repeat(h, 2)[:-1]
+        rows = envelope(h, SPARK_POINTS)
+        lines += f"<polyline points='{','.join(_points(x[rows], h[rows]))}'/>"
+    return Markup(
+        f"<svg width='{SPARK_WIDTH:g}' height='{SPARK_HEIGHT:g}' "
+        f"viewBox='0 0 {SPARK_WIDTH:g} {SPARK_HEIGHT:g}' role='img' "
+        "style='vertical-align:middle' fill='none' stroke='currentColor' stroke-width='1'>"
+        f"<title>{low:.4g} to {high:.4g}</title>{lines}</svg>"
+    )
 
 
 def ticks(low: float, high: float, most: int) -> list[float]:
@@ -248,19 +292,6 @@ def _pieces(y: Array, starts: Sequence[int] = ()) -> list[slice]:
         edges = begin + np.flatnonzero(np.diff(known))
         found += [slice(int(a), int(b)) for a, b in edges.reshape(-1, 2) if b - a > 1]
     return found
-
-
-def _thinned(y: Array, most: int) -> NDArray[np.intp]:
-    """Return the rows that keep the shape of a line: its ends, and the extremes of each section."""
-    n = y.size
-    if n <= most:
-        return np.arange(n)
-    edges = np.linspace(0, n, most // 2 + 1).astype(int)
-    found = {0, n - 1}
-    for a, b in pairwise(edges.tolist()):
-        if b > a:
-            found |= {int(a + y[a:b].argmin()), int(a + y[a:b].argmax())}
-    return np.array(sorted(found), dtype=np.intp)
 
 
 def _points(across: Array, up: Array) -> list[str]:
