@@ -24,7 +24,7 @@ def generate(docs: Path) -> None:
     """Write all generated pages below ``docs/reference`` and ``docs/gallery``."""
     reference = docs / "reference"
     clean(reference)
-    lines = ["# Reference", "", "All of it is written by the code itself.", ""]
+    lines = ["# Reference", "", "These pages are generated from the code.", ""]
     with ProcessPoolExecutor(2, mp_context=get_context("fork")) as pool:  # effects and scenarios take longest
         found = [pool.submit(_written, k, reference) for k in range(len(PARTS))]
         lines += [one.result() for one in found]

@@ -67,7 +67,7 @@ def _found(name: str, kept: list[Path]) -> list[str]:
         *(f"![{title(name)}]({p.name})" for p in kept),
         "## Findings",
         *map(_findings, filter(None, texts)),
-        "Picture and findings were made by this command (`make pictures` makes all of them).",
+        "This command made picture and findings (`make pictures` makes all of them).",
     ]
 
 

@@ -72,7 +72,7 @@ def pages(into: Path) -> tuple[str, str]:
     write(
         into / "api.md",
         "# Python API",
-        "Everything a script may use. `import hovercontrol as hc` has what most scripts need.",
+        "All public modules. Most scripts need only `import hovercontrol as hc` ([its names by task](../names.md)).",
         table(("module", "what it is", "names"), rows),
         toctree(f"api/{m}" for m in by_module),
     )

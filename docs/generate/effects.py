@@ -17,8 +17,8 @@ from hovercontrol.models.model import Model
 
 KINDS = {
     "force": "Forces and torques",
-    "input": "Commands on their way",
-    "measurement": "Between motion and log",
+    "input": "Commands and actuators",
+    "measurement": "Measurements",
 }
 
 
@@ -41,7 +41,7 @@ def pages(into: Path) -> tuple[str, str]:
         into / "effects.md",
         "# Effects",
         "A model is planar rigid-body motion plus a list of effects, one line each in a model file. "
-        "A missing effect is a missing line: [`diagnose`](commands/diagnose.md) looks for it in this list. "
+        "[`diagnose`](commands/diagnose.md) searches this list for effects that a model lacks. "
         "An effect of your own is [one class](../tutorials/effect.md).",
         *sections,
         toctree(f"effects/{name}" for name in effect_names()),
@@ -60,23 +60,24 @@ def _page(cls: type[Effect], runs: effect_runs.Runs, folder: Path) -> None:
         first_sentence(cls.__doc__),
         f"**Acts on** {_acts(cls)}. **Source**: {cls.source or 'none'}.",
         "## Equation",
-        "What the effect changes in the equations of a plant is marked; c with a name below is a coefficient.",
+        "The terms of the effect are marked; c with a subscript is a coefficient.",
         html(changed_lines(_without(seen.base, cls.name), seen.model)),
         _timing(seen),
         "## Numbers",
         table(("number", "unit", "bounds", "default", "enters"), [_row(cls, k) for k in cls.numbers]),
         "## In a model file",
         f"```toml\n[effects]\n{cls.name} = {line}\n```",
-        "## What it does to a run",
+        "## Motion without and with the effect",
         f"The craft [`{seen.base.name}`](../vehicles/{seen.base.name}.md) drives {seen.manoeuvre.text}.",
         picture(_drawn(seen), text, f"The motion without and with {cls.name}"),
         "## Which manoeuvre shows it",
-        "The change in what is measured that is left when the model's own coefficients are fitted again, as a "
-        "share of the motion (root mean square):",
+        "Change of the measurements, after the model's own coefficients are fitted again, as a share of the "
+        "motion (root mean square):",
         table(
-            ("manoeuvre", "left"), [(n, f"{100 * v:.2g} %" if v > 1e-6 else "0") for n, v in seen.shown_by()]
+            ("manoeuvre", "change"),
+            [(n, f"{100 * v:.2g} %" if v > 1e-6 else "0") for n, v in seen.shown_by()],
         ),
-        "## Near twins",
+        "## Similar effects",
         _twins(cls.name, runs),
     )
 
@@ -98,11 +99,11 @@ def _told(cls: type[Effect], key: str, value: float) -> bool:
 def _acts(cls: type[Effect]) -> str:
     where = {
         "force": "the accelerations",
-        "input": "the commands on their way",
-        "measurement": "what is logged",
+        "input": "the commands",
+        "measurement": "the measurements",
     }
     craft = {"rudder": ", on craft with a propeller and a rudder", "fan": ", on craft with fans"}
-    asked = "; `diagnose` names it only where it is asked for" if cls.mistaken_for else ""
+    asked = "; `diagnose` names it only if `--effects` lists it" if cls.mistaken_for else ""
     return where[cls.kind()] + craft.get(cls.craft, "") + asked
 
 
@@ -122,12 +123,12 @@ def _twins(name: str, runs: effect_runs.Runs) -> str:
     near = runs.twins(name)
     if not near:
         return (
-            "None: no other effect changes the manoeuvres above alike (cosine of the two changes, the model's "
-            f"own coefficients fitted again, above {effect_runs.NEAR})."
+            "None: no other effect changes these manoeuvres in the same way (cosine of the two changes, after the "
+            f"model's own coefficients are fitted again, above {effect_runs.NEAR})."
         )
     rows = [(f"[`{n}`]({n}.md)", f"{c:.3f}") for n, c in near]
     return (
-        "Effects that change what is measured alike on all the manoeuvres, after the model's own coefficients "
-        "are fitted again. At a cosine of 1 no log of these manoeuvres tells them apart.\n\n"
+        "Effects that change the measurements in the same way on all manoeuvres, after the model's own coefficients "
+        "are fitted again. At a cosine of 1 no log of these manoeuvres distinguishes them.\n\n"
         + table(("effect", "cosine"), rows)
     )

@@ -28,15 +28,15 @@ def pages(into: Path) -> tuple[str, str]:
     write(
         into / "evidence" / "blind.md",
         "# How often diagnose is right",
-        "Effects are hidden from `diagnose` in made logs; each case is judged without seeing it. This table is written "
-        "by `python -m tests.discrepancy.table`.",
+        "Logs are simulated with effects that `diagnose` does not know of. `python -m tests.discrepancy.table` writes "
+        "this table.",
         BLIND.read_text(encoding="utf-8"),
     )
     write(
         into / "evidence.md",
         "# Figures of the papers beside ours",
-        "`hovercontrol analyze` rebuilds what the source documents print and computes each verdict from the printed "
-        "numbers and a tolerance stated beside them. A number that ours was fitted to tests nothing, and is marked.",
+        "`hovercontrol analyze` recomputes the figures and tables of the source documents and compares them with the "
+        "printed numbers within a stated tolerance. Numbers that a parameter was fitted to are marked: they test nothing.",
         "- " + "\n- ".join(f"[{name}](evidence/{document}.md)" for document, name in NAMES.items()),
         "- [How often diagnose is right](evidence/blind.md)",
         toctree([*(f"evidence/{document}" for document in NAMES), "evidence/blind"]),

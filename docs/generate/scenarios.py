@@ -65,7 +65,7 @@ def _page(name: str, folder: Path) -> None:
             ("figure", "window", "measured", "expected", "the source says"),
             [_row(found) for found in run.metrics()],
         )
-        or "None: the scenario is a log for `diagnose` or a picture.",
+        or "None: the scenario makes a log for `diagnose` or a picture.",
         "## Pictures",
         *(picture(every[key], place.with_name(f"{name}-{key}"), f"{name}: {key}") for key in drawn),
         "## The file",

@@ -1,7 +1,7 @@
 """Every page of the built site in a browser: ``python -m tests.docs.look out/site [PICTURES]``.
 
-At 390 and 1400 pixels, light and dark: pages wider than the window, errors, addresses outside the site and
-links that lead nowhere are printed; pictures are kept where a folder is given.
+At 390 and 1400 pixels, light and dark: prints pages wider than the window, code cut at the right edge, errors,
+addresses outside the site and broken links. Screenshots are kept if a folder is given.
 """
 
 import asyncio
@@ -28,6 +28,13 @@ WIDE = """
   return `${wide} px wider: ` + found.slice(0, 3).map(e => e.tagName + '.' + e.className).join(', ');
 })()
 """
+#: Lines of code that are cut at the right edge; output of commands may scroll.
+CUT = """
+[...document.querySelectorAll('article div.highlight pre')]
+  .filter(e => e.scrollWidth > e.clientWidth + 1)
+  .filter(e => !e.closest('.cell_output, .highlight-text, .highlight-none'))
+  .slice(0, 2).map(e => `${e.scrollWidth - e.clientWidth} px: ` + e.textContent.slice(0, 60)).join('; ')
+"""
 LINKS = "[...document.querySelectorAll('article a[href], article img[src]')].map(e => e.href || e.src)"
 
 
@@ -43,6 +50,9 @@ async def look(site, pictures):
                 wide = await page.value(WIDE)
                 if wide:
                     wrong.append(f"{name} at {width}: {wide}")
+                cut = await page.value(CUT)
+                if cut:
+                    wrong.append(f"{name} at {width}: code is cut by {cut}")
                 if pictures:
                     own = str(name.with_suffix("")).replace("/", "_")
                     await page.picture(pictures / f"{own}-{width}{'-dark' if dark else ''}.png", whole=True)

@@ -9,8 +9,7 @@ PAGE = (Path(__file__).parents[2] / "docs" / "names.md").read_text(encoding="utf
 
 
 def test_each_public_name_has_one_line_with_the_link_to_its_page():
-    rows = re.findall(
-        r"^\| \[`hc\.(\w+)`\]\(reference/api/hovercontrol\.(\w+)\.md\) \| (.+) \|$", PAGE, re.MULTILINE
-    )
+    row = r"^\| \[`hc\.(\w+)`\]\(reference/api/hovercontrol\.(\w+)\.md\) \| (.+) \|$"
+    rows = re.findall(row, PAGE, re.MULTILINE)
     assert sorted(name for name, _, _ in rows) == sorted(hovercontrol.__all__)
     assert all(name == page for name, page, _ in rows)
