@@ -22,7 +22,6 @@ class Word:
         ``--out``, ``-o``; empty for an argument.
     help : str
         One line.
-    takes_value : bool
     values : tuple of str
         What it can be, where that is known; files otherwise.
     """
