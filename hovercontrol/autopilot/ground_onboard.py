@@ -44,8 +44,6 @@ def pilot_side(
     ----------
     law, guidance, references, period
         As for :func:`~hovercontrol.autopilot.autopilot`.
-    thruster : Thruster
-    servo : ServoTable
 
     Returns
     -------
@@ -91,8 +89,6 @@ def board_side(period: float, thruster: Thruster, servo: ServoTable) -> Block:
     ----------
     period : float
         Base tick [s].
-    thruster : Thruster
-    servo : ServoTable
 
     Returns
     -------

@@ -57,7 +57,6 @@ def actuator_limits(
         Smallest and largest force [N]. Default: those of K06's fan, by :func:`fan_ends`.
     servo : ServoTable, optional
         Default: K06's stand-in.
-    name : str, optional
 
     Returns
     -------
@@ -102,7 +101,6 @@ def clip_counters(period: float, *, name: str = "clipping") -> Block:
     ----------
     period : float
         Time from tick to tick [s].
-    name : str, optional
 
     Returns
     -------

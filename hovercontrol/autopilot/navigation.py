@@ -52,7 +52,6 @@ def position_fix(
         Time from tick to tick [s].
     seed : int, optional
         Seed of the random numbers.
-    name : str, optional
 
     Returns
     -------

@@ -17,7 +17,6 @@ def selector(
 
     Parameters
     ----------
-    name : str
     description : str
         Description of the switched function.
     ways : mapping of Signal to two str or sympy.Expr

@@ -75,7 +75,6 @@ def variable_pitch(propeller: VariablePitch, period: float) -> Thruster:
 
     Parameters
     ----------
-    propeller : VariablePitch
     period : float
         Base tick [s].
     """

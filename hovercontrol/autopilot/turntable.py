@@ -49,7 +49,6 @@ def bench_command(
         Time for which the square wave rests before the direction changes [s].
     frequency : float, optional
         Frequency of the sine [1/s].
-    name : str, optional
 
     Returns
     -------
@@ -123,7 +122,6 @@ def turntable(
         Position of the spin axis, earth frame [m].
     rate : float, optional
         Initial rate [rad/s].
-    name : str, optional
 
     Returns
     -------

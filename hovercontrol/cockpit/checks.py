@@ -35,7 +35,6 @@ def checked_numbers(
     ----------
     what : str
         What error lines call it.
-    known : iterable of Signal
     before, given : mapping
         By signal's name.
 

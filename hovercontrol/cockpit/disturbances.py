@@ -29,14 +29,7 @@ class Knob:
 
 @dataclass(frozen=True)
 class Disturbance:
-    """A disturbance: its title, the effects it needs, its numbers.
-
-    Parameters
-    ----------
-    title : str
-    effects : tuple of str
-    knobs : tuple of Knob
-    """
+    """A disturbance: its title, the effects it needs, its numbers."""
 
     title: str
     effects: tuple[str, ...]

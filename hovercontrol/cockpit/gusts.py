@@ -24,7 +24,6 @@ def gusts(*, period: float = 0.02, name: str = "gusts") -> Block:
     ----------
     period : float, optional
         [s]
-    name : str, optional
 
     Returns
     -------

@@ -89,7 +89,6 @@ def law(key: str, model: Model) -> Block:
     ----------
     key : str
         Of :data:`CHOICES`.
-    model : Model
 
     Returns
     -------

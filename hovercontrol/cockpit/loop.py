@@ -24,10 +24,6 @@ class Loop(Flown):
 
     Its commands are held for the tick, limited to the bounds of the plant's inputs.
 
-    Parameters
-    ----------
-    model : Model
-
     Raises
     ------
     InputError

@@ -22,8 +22,6 @@ class Flown(ABC):
     ----------
     model : Model
         With the effects that disturbances need.
-    choices : mapping of str to Choice
-    disturbances : mapping of str to Disturbance
     switches : mapping of str to bool, optional
         What can be switched besides, and how it is at first.
 

@@ -29,10 +29,6 @@ SLOW = 0.97
 class Pacer:
     """A loop in real time. Every method may be called from any thread.
 
-    Parameters
-    ----------
-    loop : Flown
-
     Attributes
     ----------
     listeners : list of callable

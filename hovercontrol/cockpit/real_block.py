@@ -63,7 +63,6 @@ def ground_station(model: Model, *, name: str = "cockpit") -> Block:
     ----------
     model : Model
         A craft whose thrust is in newton, with a rudder.
-    name : str, optional
 
     Returns
     -------

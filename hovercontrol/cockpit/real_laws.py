@@ -26,10 +26,6 @@ def switched_laws(name: str = "laws") -> Block:
 
     Guidance begins anew when its law is chosen.
 
-    Parameters
-    ----------
-    name : str, optional
-
     Returns
     -------
     Block

@@ -40,7 +40,6 @@ class Console:
 
     Parameters
     ----------
-    pacer : Pacer
     folder : Path
         Where recordings are saved.
     replay : Path, optional

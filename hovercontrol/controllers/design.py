@@ -135,7 +135,6 @@ def design_of(
         Of errors: the function that designs.
     plant : Block
         Continuous.
-    trim : Trim, control.OperatingPoint or mapping
     friction, amplitude
         As for :meth:`hovercontrol.Block.linearize`.
     states : sequence of str, optional

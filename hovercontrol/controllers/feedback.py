@@ -72,9 +72,6 @@ def state_feedback(design: Design, gains: Gains, form: Form, *, applied: bool = 
 
     Parameters
     ----------
-    design : Design
-    gains : Gains
-    form : Form
     applied : bool, optional
         Whether the anti-windup reads what the actuators applied from inputs ``thrust_applied``.
 

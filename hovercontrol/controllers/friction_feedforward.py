@@ -51,8 +51,6 @@ def frictions_at_rest(plant: Block, point: Point, states: Sequence[int]) -> list
 
     Parameters
     ----------
-    plant : Block
-    point : Point
     states : sequence of int
         Indices of the plant's states.
 

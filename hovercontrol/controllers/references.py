@@ -45,7 +45,6 @@ def from_position(
         Position [m] as functions of :data:`hovercontrol.core.signals.time` and the parameters.
     parameters : sequence of Signal, optional
         The symbols used.
-    name : str, optional
 
     Raises
     ------

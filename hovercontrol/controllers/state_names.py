@@ -16,7 +16,6 @@ class StateNames:
     ----------
     where : str
         Of errors: the function that asks.
-    plant : Block
 
     Raises
     ------

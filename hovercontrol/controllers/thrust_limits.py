@@ -48,7 +48,6 @@ def within_limits(
 
     Returns
     -------
-    thrust, rudder : sympy.Expr
     bounds : list of Signal
         Parameters ``thrust_lower``, ``thrust_upper``, ``rudder_lower``, ``rudder_upper``, as far as finite.
 

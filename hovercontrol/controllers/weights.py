@@ -25,7 +25,6 @@ def chosen_weights(
     ----------
     where : str
         Of errors.
-    given : mapping, array_like or None
     largest : mapping or None
         The largest acceptable deviation of each signal, in its unit.
     names : tuple of str

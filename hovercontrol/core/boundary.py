@@ -42,7 +42,6 @@ def checked(thing: Thing, name: str = "") -> Thing:
 
     Parameters
     ----------
-    thing : function or class
     name : str, optional
         Name of a class in error messages (default: its own name).
 
@@ -181,11 +180,6 @@ class _Gate:
 
 def as_user(function: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Any:
     """Call a function with a user's values, such as from a file; errors are raised as for a user's call.
-
-    Parameters
-    ----------
-    function : callable
-    *args, **kwargs
 
     Examples
     --------

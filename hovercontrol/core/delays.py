@@ -73,7 +73,6 @@ def delay_values(block: Block, values: Sequence[float] | Array) -> dict[str, flo
 
     Parameters
     ----------
-    block : Block
     values : sequence of float
         Values of all parameters, in the Block's order.
 
@@ -100,7 +99,6 @@ def arrivals(block: Block, times: Array, u: Array, values: Sequence[float] | Arr
 
     Parameters
     ----------
-    block : Block
     times : ndarray, shape (n,)
         Increasing times [s].
     u : ndarray, shape (n_inputs, n)
@@ -184,7 +182,6 @@ class UnderWay:
 
     Parameters
     ----------
-    block : Block
     late : mapping of str to float
         Delay of each delayed input [s], from :func:`delay_values`.
 
@@ -327,7 +324,6 @@ def registers(block: Block, step: float) -> Block:
 
     Parameters
     ----------
-    block : Block
     step : float
         Step of the registers [s]; each delay must be a multiple of it.
 

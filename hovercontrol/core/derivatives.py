@@ -23,7 +23,6 @@ def partial_derivatives(
 
     Parameters
     ----------
-    block : Block
     rows : {"derivatives", "outputs"}
     names : sequence of str
         Signals z_j with respect to which to differentiate: states, inputs or parameters.

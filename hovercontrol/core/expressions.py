@@ -54,11 +54,6 @@ def with_symbols(expression: sp.Expr, swap: Mapping[sp.Symbol, sp.Symbol]) -> sp
     Like ``xreplace``, but minima and maxima keep the order of their arguments, because SymPy would compare
     the arguments again, which is slow.
 
-    Parameters
-    ----------
-    expression : sympy.Expr
-    swap : mapping of sympy.Symbol to sympy.Symbol
-
     Examples
     --------
     >>> a, b, c = (sp.Symbol(name, real=True) for name in "abc")

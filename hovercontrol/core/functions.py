@@ -34,12 +34,7 @@ Backend = Literal["math", "numpy"]
 
 
 class NumpyFunctions:
-    """The functions of one Block, from ``block.to_numpy()``.
-
-    Parameters
-    ----------
-    block : Block
-    """
+    """The functions of one Block, from ``block.to_numpy()``."""
 
     def __init__(self, block: Block) -> None:
         self.block = block

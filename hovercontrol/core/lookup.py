@@ -34,7 +34,6 @@ class Entries(sp.AtomicExpr):
     ----------
     name : str
         Name of the table in printed expressions.
-    values : sequence of float
 
     Examples
     --------
@@ -97,7 +96,6 @@ class entry(sp.Function):  # noqa: N801  (a function, as SymPy writes them)
     ----------
     index : sympy.Expr
         Dimensionless.
-    entries : Entries
 
     Examples
     --------

@@ -52,7 +52,6 @@ def signals_line(signals: Sequence[Signal], width: int = WIDTH, prefix: str = ""
 
     Parameters
     ----------
-    signals : sequence of Signal
     width : int, optional
         Maximum length of the line.
     prefix : str, optional

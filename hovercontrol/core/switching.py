@@ -25,7 +25,6 @@ def switching_times(block: Block, params: Mapping[str, float] | None = None) -> 
 
     Parameters
     ----------
-    block : Block
     params : mapping, optional
         Parameter values by key; others have their defaults.
 

@@ -169,7 +169,6 @@ class DimensionChecker:
 
     Parameters
     ----------
-    symbols : mapping of sympy.Symbol to Dimension
     units : mapping of sympy.Symbol to str, optional
         Units of symbols in error messages (``rad/s`` rather than ``1/s``).
     """

@@ -111,9 +111,7 @@ class Plot:
         ----------
         x, y : ndarray, shape (n,)
             Lower left corners.
-        side : float
         share : ndarray, shape (n,)
-        kind : str
         """
         left, low = self.at(x, y)
         right, high = self.at(x + side, y + side)
@@ -215,7 +213,6 @@ def labelled(low: float, high: float, most: int, room: float = math.inf) -> list
 
     Parameters
     ----------
-    low, high : float
     most : int
         Maximum number of steps.
     room : float, optional
@@ -246,7 +243,6 @@ def bounds(
 
     Parameters
     ----------
-    rows : sequence of ndarray
     around_zero : bool, optional
         Whether the range is symmetric about zero.
     part : float, optional

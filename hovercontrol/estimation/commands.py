@@ -68,7 +68,6 @@ def input_states(block: Block, motion: tuple[str, ...]) -> tuple[int, ...]:
 
     Parameters
     ----------
-    block : Block
     motion : tuple of str
         States of the motion. They are excluded even if they depend on the inputs alone.
 
@@ -143,7 +142,6 @@ def by_trial(log: Measured, time: Array) -> tuple[Array, Array]:
 
     Parameters
     ----------
-    log : Measured
     time : ndarray, shape (n,)
         Time at which the commands of each row begin to hold [s].
     """
@@ -201,7 +199,6 @@ class Arrival:
 
     Parameters
     ----------
-    block : Block
     time : ndarray, shape (n,)
         Time since the first row of the log [s].
     inputs : ndarray, shape (n_inputs, n)

@@ -74,11 +74,6 @@ class Data:
 def gather(model: Subject, logs: Sequence[Log | Measured]) -> Data:
     """Return the measurements of logs in terms of a model's Block.
 
-    Parameters
-    ----------
-    model : Model or BlockModel
-    logs : sequence of Log or Measured
-
     Raises
     ------
     InputError

@@ -45,13 +45,7 @@ class DriftStates:
 
 
 def drift_states(logs: Sequence[Measured], rows: Rows) -> DriftStates | None:
-    """Return the drift states of logs from an inertial navigation; None if there is no such log.
-
-    Parameters
-    ----------
-    logs : sequence of Measured
-    rows : Rows
-    """
+    """Return the drift states of logs from an inertial navigation; None if there is no such log."""
     drifting = [isinstance(log, Navigated) for log in logs]
     if not any(drifting):
         return None

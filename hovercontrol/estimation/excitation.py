@@ -179,7 +179,6 @@ def inputs_beside(block: Block, name: str) -> list[str]:
 
     Parameters
     ----------
-    block : Block
     name : str
         Full name of the parameter.
     """
@@ -193,7 +192,6 @@ def idle_inputs(block: Block, name: str, moving: Sequence[bool]) -> list[str]:
 
     Parameters
     ----------
-    block : Block
     name : str
         Full name of the parameter.
     moving : sequence of bool

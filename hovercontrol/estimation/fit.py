@@ -195,8 +195,6 @@ def estimate(
 
     Parameters
     ----------
-    problem : Problem
-    prior : Prior
     noise : Noise
         Initial noise levels.
     p, path : ndarray, optional
@@ -434,7 +432,6 @@ def refit(
         The previous fit.
     problem : Problem
         Unknowns of the same name start from their values in `near`, others from their values in the model.
-    prior : Prior
     noise : Noise, optional
         Initial noise levels; default: those of `near`.
     p : ndarray, optional

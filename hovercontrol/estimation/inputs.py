@@ -21,10 +21,8 @@ class Inputs:
 
     Parameters
     ----------
-    block : Block
     model : Model or BlockModel
         The model of the Block.
-    logs : sequence of Measured
 
     Attributes
     ----------
@@ -64,7 +62,6 @@ class Inputs:
 
         Parameters
         ----------
-        parameters : sequence of float
         t, log : ndarray, shape (...)
             Time since the start of the log [s], and index of the log.
         """
@@ -81,7 +78,6 @@ class Inputs:
 
         Parameters
         ----------
-        parameters : sequence of float
         t : ndarray, shape (S, N)
             Begins of the sub-steps, since the start of each log [s].
         h : ndarray, shape (S, N) or (N,)

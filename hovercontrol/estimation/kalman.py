@@ -87,7 +87,6 @@ def run_filter(system: System, *, keep: bool = False) -> Filtered:
 
     Parameters
     ----------
-    system : System
     keep : bool, optional
         Whether to keep the arrays that :func:`run_smoother` needs.
 
@@ -175,7 +174,6 @@ def run_smoother(system: System, filtered: Filtered, weights: Array) -> Smoothed
 
     Parameters
     ----------
-    system : System
     filtered : Filtered
         Result of ``run_filter(..., keep=True)``.
     weights : ndarray, shape (m,) or (W, m)

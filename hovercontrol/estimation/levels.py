@@ -81,8 +81,6 @@ def noise_scales(logs: Sequence[Measured], channels: Sequence[str], noise: Array
 
     Parameters
     ----------
-    logs : sequence of Measured
-    channels : sequence of str
     noise : ndarray, shape (C,)
         Noise level of all logs together.
     """
@@ -107,7 +105,6 @@ def unlike(channels: Sequence[str], scales: Array) -> list[str]:
 
     Parameters
     ----------
-    channels : sequence of str
     scales : ndarray, shape (L, C)
         Result of :func:`noise_scales`.
 

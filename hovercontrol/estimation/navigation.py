@@ -203,8 +203,6 @@ def measure_navigated(block: Block, log: Log, most_rows: int = MOST_ROWS) -> Nav
 
     Parameters
     ----------
-    block : Block
-    log : Log
     most_rows : int, optional
         As for :func:`hovercontrol.estimation.measure.measure`.
     """

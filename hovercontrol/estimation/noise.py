@@ -83,9 +83,6 @@ def augment(
 
     Parameters
     ----------
-    problem : Problem
-    linear : Linear
-    noise : Noise
     unknowns : bool, optional
         Whether the unknowns have columns.
     drive, seen : ndarray, shapes (K-1, W, n, M) and (K, W, C, M), optional
@@ -202,11 +199,8 @@ def moved(problem: Problem, noise: Noise, system: System, smooth: Smoothed, damp
 
     Parameters
     ----------
-    problem : Problem
-    noise : Noise
     system : System
         Linear system with that noise.
-    smooth : Smoothed
     damping : Damping
         Damping of the steps of the logarithms of the variances.
     """

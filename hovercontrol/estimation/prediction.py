@@ -61,7 +61,6 @@ def predict(fit: Fit, horizon: float, starts: int = STARTS) -> Prediction | None
 
     Parameters
     ----------
-    fit : Fit
     horizon : float
         Time ahead [s]. The row nearest to it is predicted, whether in the same block or another.
     starts : int, optional

@@ -68,7 +68,6 @@ def prior_of(problem: Problem, model: Subject) -> Prior:
 
     Parameters
     ----------
-    problem : Problem
     model : Model or BlockModel
         The model before effects were added.
     """

@@ -102,7 +102,6 @@ class Problem(Unknowns):
     ----------
     model : Model or BlockModel
         Its values are the initial values of the unknowns.
-    data : Data
     names : sequence of str, optional
         Unknowns; default: all.
     pieces : int or ndarray, shape (N,), optional
@@ -279,7 +278,6 @@ class Problem(Unknowns):
         Parameters
         ----------
         x : ndarray, shape (n_states, N)
-        parameters : sequence of float
         t, log : ndarray, shape (N,)
         """
         u = self.inputs.at(parameters, t, log)

@@ -119,10 +119,8 @@ def arrange(
 
     Parameters
     ----------
-    logs : sequence of Measured
     states : sequence of dict of str to ndarray, shape (n,)
         Finite guess of the states at all rows of each log, by name.
-    channels : sequence of str
 
     Raises
     ------

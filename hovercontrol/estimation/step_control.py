@@ -44,7 +44,6 @@ def controlled(problem: Problem, path: Array, p: Array, std: Array | None = None
 
     Parameters
     ----------
-    problem : Problem
     path : ndarray, shape (K, W, n_states)
     p : ndarray, shape (P,)
         Unknowns.

@@ -94,8 +94,6 @@ class Steps:
 
     Parameters
     ----------
-    rows : Rows
-    inputs : Inputs
     pieces : int or ndarray, shape (N,)
         Number of sub-steps of all steps, or of each.
 
@@ -126,7 +124,6 @@ class Steps:
 
         Parameters
         ----------
-        parameters : sequence of float
         late : bool, optional
             Whether commands whose time of change is uncertain act one standard deviation later.
         """

@@ -133,7 +133,6 @@ def observed(
 
     Parameters
     ----------
-    plant : Block
     measured : sequence of str
         Outputs, or states, of the plant.
     process_noise, measurement_noise, start_std

@@ -20,7 +20,6 @@ def over_one_step(model: Observed, step: float, substeps: int) -> Block:
 
     Parameters
     ----------
-    model : Observed
     step : float
         Length of the step [s].
     substeps : int

@@ -39,12 +39,7 @@ MOST_STEPS = 32
 
 @dataclass(frozen=True)
 class Dynamics:
-    """The derivatives of a continuous Block and their exact Jacobian, as equations at any point.
-
-    Parameters
-    ----------
-    block : Block
-    """
+    """The derivatives of a continuous Block and their exact Jacobian, as equations at any point."""
 
     block: Block
 
@@ -61,7 +56,6 @@ class Dynamics:
         ----------
         write : Equations
             Receives the intermediate quantities as definitions, with names that begin with `name`.
-        name : str
         x : sequence of sympy.Expr
             The states.
         when : sympy.Expr
@@ -90,8 +84,6 @@ def written_at(
 
     Parameters
     ----------
-    block : Block
-    write : Equations
     name : str
         Prefix of the definitions' names.
     x : sequence of sympy.Expr
@@ -130,8 +122,6 @@ def runge_kutta(
 
     Parameters
     ----------
-    dynamics : Dynamics
-    write : Equations
     name : str
         Prefix of the definitions' names.
     x : sympy.Matrix, shape (n, 1)
@@ -216,11 +206,8 @@ def predict(
 
     Parameters
     ----------
-    dynamics : Dynamics
-    write : Equations
     name : str
         Prefix of the definitions' names, unique to this step.
-    estimate : Estimate
     Q : mapping of int to sympy.Expr
         Noise intensity by the index of the state; states without noise are omitted.
     when, h : sympy.Expr
@@ -251,7 +238,6 @@ def steps_between(plant: Block, period: float, name: str, given: int | None = No
 
     Parameters
     ----------
-    plant : Block
     period : float
         Length of a tick [s].
     name : str

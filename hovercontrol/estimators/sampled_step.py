@@ -56,7 +56,6 @@ def predicted(
         Intensities of the disturbances.
     dt : float or sympy.Expr
         Length of the step [s].
-    names : Names
     """
     # x+ = x + dt (h + G c),  P+ = A P A' + Q dt,  A = [[I, dt G], [0, I]].
     n = len(before)
@@ -80,7 +79,6 @@ def corrected(x: Values, P: Values, y: Values, R: Values, names: Names) -> tuple
         As for :func:`predicted`.
     y, R : ndarray, shape (n,)
         The sample, and the variances of its noise.
-    names : Names
     """
     # For each measured state i, H = e_i':  K = P e_i / (P_ii + R_i),  x+ = x + K (y_i - x_i),
     # P+ = (I - K H) P (I - K H)' + K R_i K' = kept + (K R_i - kept e_i) K',  kept = (I - K H) P.

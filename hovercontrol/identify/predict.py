@@ -361,7 +361,6 @@ def _simulate(fit: Fit, block: Block, x0: Array, t: Array, h: Array, log: NDArra
     ----------
     fit : Fit
         Source of the coefficients and the logs' inputs.
-    block : Block
     x0 : ndarray, shape (n_states, N)
         Initial states.
     t, h : ndarray, shape (S, N)

@@ -89,7 +89,6 @@ class Study:
 
     Parameters
     ----------
-    found : Identified
     judged : tuple of Judged
         Training logs first, then held-out logs.
     """
@@ -111,8 +110,6 @@ class Study:
 
         Parameters
         ----------
-        model : Model, BlockModel or Block
-        training, holdout : sequence of Log
         coefficients : sequence of str, optional
             As for :func:`~hovercontrol.identify.fit.identify`.
         progress : callable, optional

@@ -13,7 +13,6 @@ def chosen(model: AnyModel, names: Sequence[str] | None) -> tuple[str, ...]:
 
     Parameters
     ----------
-    model : Model, BlockModel or Block
     names : sequence of str or None
         Names with or without the Block's name as prefix; default: all linear coefficients.
 

@@ -99,7 +99,6 @@ def trust(fit: Fit, std: Array, report: Callable[[str], None] = lambda what: Non
 
     Parameters
     ----------
-    fit : Fit
     std : ndarray, shape (P,)
         Standard errors of the coefficients.
     report : callable, optional

@@ -18,7 +18,6 @@ def envelope(row: NDArray[np.float64], most: int = MOST_DRAWN) -> NDArray[np.int
     ----------
     row : ndarray, shape (n,)
         Rows that are not a number are left out.
-    most : int, optional
 
     Examples
     --------

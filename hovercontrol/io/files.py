@@ -52,7 +52,6 @@ def readable(path: str | Path, wanted: str = "a file") -> Path:
 
     Parameters
     ----------
-    path : path
     wanted : str, optional
         What error lines call the file.
 
@@ -122,10 +121,6 @@ def write_atomically(path: str | Path, write: Callable[[Path], object]) -> Path:
         Where the file is to stand; its folder is made if it is not there.
     write : callable
         Called with the temporary path, which has the same suffix.
-
-    Returns
-    -------
-    Path
 
     Raises
     ------

@@ -37,7 +37,6 @@ def run_users_code(path: Path, work: Callable[[], T]) -> T:
     ----------
     path : Path
         The file, for error lines.
-    work : callable
 
     Raises
     ------

@@ -62,7 +62,6 @@ def users_files(folder: Path, new: Mapping[str, str]) -> list[str]:
 
     Parameters
     ----------
-    folder : Path
     new : mapping of str to str
         Names and digests of what is to be written; a file of the same content loses nothing.
     """

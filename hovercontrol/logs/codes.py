@@ -97,7 +97,6 @@ def code_faults(log: Log, names: Sequence[str]) -> list[str]:
 
     Parameters
     ----------
-    log : Log
     names : sequence of str
         Columns to check. In columns other than pose and body velocities only :data:`CODES` are recognised.
 

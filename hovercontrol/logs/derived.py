@@ -126,7 +126,6 @@ def with_derived(file: Path, source: Source, columns: Mapping[str, str]) -> Sour
     ----------
     file : Path
         For error messages.
-    source : Source
     columns : mapping
         Signal name to the specification of the file's column, as for :func:`.read.read_log`.
 

@@ -107,11 +107,6 @@ def shared(one: Log, other: Log, channels: Sequence[str], inputs: Sequence[str])
     Noise decides: two similar runs differ by their noise, copies only by rounding. A log at rest, or another
     run with the same commands, is therefore not taken for a copy.
 
-    Parameters
-    ----------
-    one, other : Log
-    channels, inputs : sequence of str
-
     Examples
     --------
     >>> rng, t = np.random.default_rng(0), np.arange(0, 10, 0.02)

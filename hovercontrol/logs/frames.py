@@ -79,7 +79,6 @@ def in_z_up(log: Log, frame: str) -> Log:
 
     Parameters
     ----------
-    log : Log
     frame : str
         One of :data:`FRAMES`. For NED x and y are exchanged, psi becomes pi/2 - psi, and v and r change
         sign. :func:`check_frame` does not check the returned log again.

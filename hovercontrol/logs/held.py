@@ -54,14 +54,8 @@ def without_repeats(log: Log, names: Sequence[str]) -> tuple[Log, list[str]]:
 
     Parameters
     ----------
-    log : Log
     names : sequence of str
         Measured columns.
-
-    Returns
-    -------
-    Log
-    list of str
 
     Examples
     --------
@@ -103,7 +97,6 @@ def repeats(log: Log, names: Sequence[str]) -> Mask:
 
     Parameters
     ----------
-    log : Log
     names : sequence of str
         Columns that are measured together.
 

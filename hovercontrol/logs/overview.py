@@ -82,7 +82,6 @@ def overview(file: Path, inputs: Sequence[str] = (), options: str = "") -> str |
 
     Parameters
     ----------
-    file : Path
     inputs : sequence of str, optional
         The model's inputs.
     options : str, optional
@@ -158,7 +157,6 @@ def proposal(topics: Sequence[Topic], inputs: Sequence[str] = ()) -> dict[str, s
 
     Parameters
     ----------
-    topics : sequence of Topic
     inputs : sequence of str, optional
         The model's inputs; without them up to four changing commands are proposed.
     """

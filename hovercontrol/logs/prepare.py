@@ -21,13 +21,11 @@ def prepared(log: Log, channels: Sequence[str], inputs: Sequence[str]) -> tuple[
 
     Parameters
     ----------
-    log : Log
     channels, inputs : sequence of str
         Names of measured and commanded columns; those that the log lacks are ignored.
 
     Returns
     -------
-    Log
     list of str
         The log's own notes first.
 

@@ -41,10 +41,6 @@ SCALES = ScaleCriteria()
 def scale_faults(log: Log) -> list[str]:
     """Return the evidence that time, position, velocity or heading are not in s, m, m/s and rad.
 
-    Parameters
-    ----------
-    log : Log
-
     Returns
     -------
     list of str

@@ -61,7 +61,6 @@ def needs_stamps(source: Source, name: str, unit: str) -> bool:
 
     Parameters
     ----------
-    source : Source
     name, unit : str
         Name and unit of the column; the unit is empty if none is given.
     """

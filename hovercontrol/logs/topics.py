@@ -27,7 +27,6 @@ def join_tables(
 
     Parameters
     ----------
-    file : Tables
     columns : mapping
         Signal name to the file's column name.
     inputs : mapping of str to str

@@ -42,7 +42,6 @@ class Wanted:
 
         Parameters
         ----------
-        model : Model, BlockModel or Block, or None
         inputs : sequence of str, or mapping of str to str, optional
             Further inputs; a mapping also gives their units.
         motion : bool, optional

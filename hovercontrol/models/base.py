@@ -232,7 +232,6 @@ def delays_of(
     ----------
     timing : tuple of str
         As of :meth:`EffectModel.timing`.
-    inputs : iterable of Signal
     values : mapping
         Of the coefficients, as :meth:`EffectModel.coefficients`.
 

@@ -15,14 +15,6 @@ AnyModel = Model | BlockModel | Block
 def as_model(model: AnyModel) -> Model | BlockModel:
     """Return a model with effects: a Block becomes a BlockModel without any, others are returned as they are.
 
-    Parameters
-    ----------
-    model : Model, BlockModel or Block
-
-    Returns
-    -------
-    Model or BlockModel
-
     Raises
     ------
     InputError

@@ -41,7 +41,6 @@ def driven(model: Model, name: str, seconds: float | None = None, log: Log | Non
 
     Parameters
     ----------
-    model : Model
     name : str
         Of the scenario.
     seconds : float, optional

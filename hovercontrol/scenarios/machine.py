@@ -76,7 +76,6 @@ def run_machine(
 
     Parameters
     ----------
-    block : Block
     seconds : float, optional
         How long [s]; default: 20, or as long as the log.
     commands : Log, optional

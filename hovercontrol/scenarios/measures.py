@@ -40,7 +40,6 @@ def measure(metric: Metric, time: Array, values: Array) -> float:
 
     Parameters
     ----------
-    metric : Metric
     time : ndarray, shape (n,)
         [s]
     values : ndarray, shape (n,)

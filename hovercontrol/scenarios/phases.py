@@ -59,7 +59,6 @@ def through_phases(
     ----------
     scenario : Scenario
         Its commands, if it plays any, are the loop's inputs.
-    loop : Block
     parameters : callable
         Those that hold in a phase, by key.
     step : float, optional

@@ -42,7 +42,6 @@ def sampled_loop(scenario: Scenario, parts: Mapping[str, Block], name: str = "lo
         With a sampling.
     parts : mapping of str to Block
         By :func:`~hovercontrol.scenarios.parts.loop_parts`.
-    name : str, optional
 
     Returns
     -------

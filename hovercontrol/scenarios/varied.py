@@ -133,10 +133,6 @@ def vary(
         Folder that keeps the results as they come; the same call with the same folder goes on where it was
         stopped, with the same results to the last bit.
 
-    Returns
-    -------
-    Varied
-
     Raises
     ------
     InputError
@@ -166,17 +162,12 @@ def vary_machine(
 
     Parameters
     ----------
-    block : Block
     ranges : mapping of str to ndarray
         As of :func:`vary`: parameters by key (``motor.gain``), or states to start from.
     of : str, optional
         The output that is asked about; default: the first.
     figure, progress, checkpoint
         As of :func:`vary`.
-
-    Returns
-    -------
-    Varied
 
     Raises
     ------
@@ -245,7 +236,6 @@ def swept_phases(
 
     Parameters
     ----------
-    scenario : Scenario
     loop : Block
         Of its parts.
     given : mapping of str to ndarray (n_runs,)

@@ -30,8 +30,6 @@ class PythonEngine:
         Without delays.
     time : float
         Initial time [s].
-    states, inputs, params : sequence of float
-    rtol, atol : float
     """
 
     kind = "python"

@@ -121,10 +121,6 @@ class Runner(ABC):
             Step length [s]; may differ from step to step. After n equal steps the time is n `dt` to
             rounding: rounding errors do not accumulate.
 
-        Returns
-        -------
-        ndarray
-
         Raises
         ------
         InputError

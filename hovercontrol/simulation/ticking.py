@@ -183,7 +183,6 @@ def run_hybrid(
 
     Parameters
     ----------
-    block : Block
     times : ndarray, shape (n_times,)
     u : ndarray, shape (n_inputs, n_times)
         Inputs, held from each time to the next.

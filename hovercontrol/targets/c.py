@@ -24,7 +24,6 @@ def c_source(block: Block, *, friction: Friction = "events", partials: bool = Tr
 
     Parameters
     ----------
-    block : Block
     friction : {"events", "smooth"}, optional
         "events": dry friction has modes and sticks at exactly zero velocity; "smooth": it is smoothed over
         its width.
@@ -75,10 +74,8 @@ def function_source(block: Block, name: str, results: Sequence[sp.Expr]) -> str:
 
     Parameters
     ----------
-    block : Block
     name : str
         Name of the function; its arguments are those of the derivatives in hc_model.h.
-    results : sequence of sympy.Expr
     """
     own = [Result(Element("dx", k), e) for k, e in enumerate(results)]
     function = Function(block, Names(block), own).text(name, "dx")

@@ -63,7 +63,6 @@ class Names:
 
     Parameters
     ----------
-    block : Block
     frictions : sequence of DryFriction, optional
         Dry frictions; their modes are symbols, too.
 
@@ -120,9 +119,6 @@ class Function:
 
     Parameters
     ----------
-    block : Block
-    names : Names
-    results : sequence of Result
     branches : bool, optional
         If false, all values that a condition selects are computed beforehand, and there are no sticking
         modes.
@@ -175,7 +171,6 @@ class Function:
 
         Parameters
         ----------
-        name : str
         *targets : str
             Arrays for the results, the last arguments of the function.
         arguments : sequence of (str, str), optional

@@ -58,7 +58,6 @@ def compile_block(block: Block, *, friction: Friction = "smooth") -> CompiledBlo
 
     Parameters
     ----------
-    block : Block
     friction : {"smooth", "events"}, optional
         Dry friction smoothed over its width, as in every backend, or Coulomb's law, which sticks at exactly
         zero velocity; see :data:`hovercontrol.core.friction.Friction`.
@@ -87,7 +86,6 @@ class CompiledBlock:
 
     Parameters
     ----------
-    block : Block
     friction : {"events", "smooth"}
     """
 

@@ -256,7 +256,6 @@ def built_file(
         As for :func:`load_library`.
     command : tuple of str
         The compiler; its version is part of the cache key.
-    flags : sequence of str
     suffix : str
         Suffix of the binary's file name, with the dot.
 
@@ -339,7 +338,6 @@ def generated(block: Block, kind: str, make: Callable[[], str]) -> str:
 
     Parameters
     ----------
-    block : Block
     kind : str
         Kind of the text, with all options.
     make : callable

@@ -45,7 +45,6 @@ class BlockSystem(control.NonlinearIOSystem):
 
     Parameters
     ----------
-    block : Block
     name : str, optional
         System name (default: the Block's).
     """

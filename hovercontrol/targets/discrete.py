@@ -40,8 +40,6 @@ class SteppedSystem(BlockSystem):
 
     Parameters
     ----------
-    block : Block
-    name : str or None
     step : float
         Sampling period [s].
     """

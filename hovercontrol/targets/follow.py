@@ -65,7 +65,6 @@ def follow(
 
     Parameters
     ----------
-    block : Block
     followers : sequence of int
         Their indices among the states.
     time, step : ndarray, shape (M, W)

@@ -76,8 +76,6 @@ def linear_matrices(
 
     Parameters
     ----------
-    block : Block
-    point : Point
     friction, amplitude
         As for :meth:`hovercontrol.Block.linearize`.
 
@@ -118,10 +116,8 @@ def warn_of_smoothing(block: Block, A: Array, point: Point) -> None:
 
     Parameters
     ----------
-    block : Block
     A : ndarray, shape (n_states, n_states)
         System matrix of the smoothed equations.
-    point : Point
     """
     rubbing = _lines_for(block)
     if rubbing is None or block.period or not len(A):

@@ -109,7 +109,6 @@ class Library:
 
     Parameters
     ----------
-    block : Block
     friction : {"events", "smooth"}
     whole : bool, optional
         Whether to compute also the states that rest at zero (see :mod:`.resting`). Without them the library

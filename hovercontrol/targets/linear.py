@@ -67,7 +67,6 @@ def sampled_names(
     ----------
     system : control.InputOutputSystem
         Continuous.
-    name : str or None
     copy_names : bool
         Whether to keep the names of `system`.
     given : mapping
@@ -88,7 +87,6 @@ def state_space(matrices: Sequence[Array], dt: float | None, **kwargs: Any) -> c
 
     Parameters
     ----------
-    matrices : sequence of four ndarray
     dt : float or None
         As for :class:`control.StateSpace`.
     **kwargs
@@ -114,7 +112,6 @@ def point_values(given: Any, n: int, kind: str, name: str) -> Array:
     ----------
     given : array_like or sequence of array_like or None
         None means 0; a scalar is used for every value; the parts of a sequence are joined.
-    n : int
     kind, name : str
         Kind of the values and name of the Block, for error messages.
 

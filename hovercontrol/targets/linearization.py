@@ -63,8 +63,6 @@ def matrices_at(
 
     Parameters
     ----------
-    block : Block
-    point : Point
     friction, amplitude
         As for :meth:`hovercontrol.Block.linearize`.
     warn : bool, optional

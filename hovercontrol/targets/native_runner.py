@@ -23,11 +23,8 @@ class NativeEngine:
     ----------
     library : Library
         Library with all states of the Block.
-    solver : Solver
     time : float
         Initial time [s].
-    states, inputs, params : sequence of float
-    n_outputs : int
     """
 
     kind = "native"

@@ -30,12 +30,7 @@ SMALL = 3000
 
 
 class Points:
-    """The functions of one Block at single points, shared by all its systems; see :func:`points`.
-
-    Parameters
-    ----------
-    block : Block
-    """
+    """The functions of one Block at single points, shared by all its systems; see :func:`points`."""
 
     def __init__(self, block: Block) -> None:
         self.block = block

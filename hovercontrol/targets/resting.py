@@ -23,10 +23,6 @@ def without_resting_states(block: Block) -> tuple[Block, tuple[int, ...]]:
     identically while the set is zero: f_i(t, x, u, p) = 0 for all i in R if x_j = 0 for all j in R, for all
     other states, inputs, parameters and times.
 
-    Parameters
-    ----------
-    block : Block
-
     Returns
     -------
     Block

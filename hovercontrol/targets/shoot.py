@@ -90,7 +90,6 @@ def shoot(
 
     Parameters
     ----------
-    block : Block
     time : ndarray, shape (S, K-1, W)
         Begin of each of the S steps between two rows [s], for K rows and W windows.
     step : ndarray, broadcast to shape (S, K-1, W)
@@ -137,7 +136,6 @@ def shoot_with_slopes(
     ----------
     block, time, step, inputs, known, parameters, start
         As for :func:`shoot`.
-    columns : Columns
 
     Returns
     -------

@@ -45,12 +45,10 @@ def run_sweep(
 
     Parameters
     ----------
-    block : Block
     engine_from : callable
         Returns the engine for initial states.
     times : ndarray, shape (n,)
         Increasing times [s].
-    solver : Solver
     params, x0, inputs, start, band, threads, progress
         As for :meth:`.compiled.CompiledBlock.sweep`.
 

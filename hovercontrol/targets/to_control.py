@@ -18,7 +18,6 @@ def to_control(
 
     Parameters
     ----------
-    block : Block
     name : str, optional
         System name (default: the Block's).
     step : float, optional

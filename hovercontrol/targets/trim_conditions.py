@@ -150,7 +150,6 @@ class Condition:
     name : str
         Name in messages: ``u'``, or an output.
     unit : str
-    wanted : float
     nominal : float
         Nominal size, by which the residual is divided.
     state : str, optional
@@ -175,7 +174,6 @@ class Conditions:
 
     Parameters
     ----------
-    block : Block
     rates_block : Block
         The same Block without delays, from :func:`with_rates`.
     x, u : ndarray, shapes (n_states,) and (n_inputs,)
@@ -287,7 +285,6 @@ def closest_names(name: str, groups: Mapping[str, Sequence[str]], wanted: str) -
 
     Parameters
     ----------
-    name : str
     groups : mapping of str to sequence of str
         Names by kind.
     wanted : str

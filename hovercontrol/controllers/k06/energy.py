@@ -53,7 +53,6 @@ def least_yaw_rate(m: sp.Expr, J: sp.Expr, d: sp.Expr, level: sp.Expr, yaw_rate:
 
     Parameters
     ----------
-    m, J, d : sympy.Expr
     level : sympy.Expr
         W at the present reference [J].
     yaw_rate : sympy.Expr

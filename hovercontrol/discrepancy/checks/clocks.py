@@ -80,7 +80,6 @@ def check_clocks(model: Subject, log: Log) -> list[str]:
 
     Parameters
     ----------
-    model : Model or BlockModel
     log : Log
         Log with pose and velocities, or velocities and commands; without these it is not checked.
 
@@ -123,11 +122,6 @@ def command_drift(model: Subject, log: Log) -> tuple[float, float, float] | None
     n sections at times t_i, and residuals e_i of their best shifts from a line of slope b::
 
         drift = b (duration of the log),    std(b)^2 = sum e_i^2 / (n - 2) / sum (t_i - mean t)^2
-
-    Parameters
-    ----------
-    model : Model or BlockModel
-    log : Log
 
     Returns
     -------

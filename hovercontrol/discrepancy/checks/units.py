@@ -64,11 +64,6 @@ UNITS = UnitCriteria()
 def refuse_units(model: Subject, log: Log) -> None:
     """Refuse positions, angles or yaw rates in other units than the other columns.
 
-    Parameters
-    ----------
-    model : Model or BlockModel
-    log : Log
-
     Raises
     ------
     InputError

@@ -161,7 +161,6 @@ def of_effect(fit: Fit, name: str) -> Blocks:
 
     Parameters
     ----------
-    fit : Fit
     name : str
         An effect of its model. If several parameters scale it, the estimate is along their direction.
     """
@@ -248,7 +247,6 @@ def agreement(fit: Fit, less: Fit, name: str) -> Blocks:
         With the effect.
     less : Fit
         Without it.
-    name : str
     """
     e = fit.problem.model.effect(name)
     scaled = any(

@@ -132,17 +132,12 @@ def compare(
 
     Parameters
     ----------
-    model : Model or BlockModel
     logs : sequence of Log
         Logs with the model's inputs and some of its outputs or states.
     horizon : float, optional
         Length of short simulations [s].
     noise : Noise, optional
         Default: measurement noise, estimated from the logs. With process noise, gusts count as noise.
-
-    Returns
-    -------
-    Comparison
 
     Raises
     ------

@@ -67,8 +67,6 @@ def held_fit(model: Subject, data: Data, near: Fit | None = None) -> Fit:
 
     Parameters
     ----------
-    model : Model or BlockModel
-    data : Data
     near : Fit, optional
         Fit of another model to the same data, from whose noise levels and path this fit starts.
     """

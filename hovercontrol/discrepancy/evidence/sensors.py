@@ -59,10 +59,6 @@ def slow_errors(fit: Fit) -> tuple[SlowError, ...]:
 
         rms^2 = mean(m^2 - (pi/2) sigma^2 / n)
 
-    Parameters
-    ----------
-    fit : Fit
-
     Examples
     --------
     >>> import hovercontrol as hc

@@ -70,7 +70,6 @@ def simulated_traces(fit: Fit, seconds: float = np.inf) -> tuple[Trace, ...]:
 
     Parameters
     ----------
-    fit : Fit
     seconds : float, optional
         Length of a run before a restart [s]; default: restart only where a log was interrupted.
     """
@@ -106,7 +105,6 @@ def runs_of(problem: Problem, k: int, seconds: float = np.inf) -> Iterator[tuple
 
     Parameters
     ----------
-    problem : Problem
     k : int
         Index of the log.
     seconds : float, optional
@@ -136,7 +134,6 @@ def simulate_runs(
 
     Parameters
     ----------
-    problem : Problem
     p : ndarray, shape (P,)
         Unknowns.
     path : ndarray, shape (K, W, n_states)

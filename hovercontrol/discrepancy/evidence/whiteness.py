@@ -51,10 +51,6 @@ def innovations(fit: Fit) -> Array:
     If a model and its noise are right, they are independent with variance one: ``z = L^-1 (y - H x)``, with
     ``L L' = H P H' + R`` and P the covariance of the predicted state x.
 
-    Parameters
-    ----------
-    fit : Fit
-
     Returns
     -------
     ndarray, shape (K, W, C)

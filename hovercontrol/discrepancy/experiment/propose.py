@@ -73,7 +73,6 @@ def next_experiment(
 
     Parameters
     ----------
-    selection : Selection
     effects : sequence of Found
         Parameters of the named effects.
     seed : int, optional
@@ -184,13 +183,7 @@ def sharpen(final: Fit, parameter: str, *, seed: int = 0) -> Experiment | None:
 
 
 def predicted(fit: Fit, manoeuvre: Manoeuvre) -> Data:
-    """Return the measurements that a fitted model predicts for a manoeuvre, from rest, without noise.
-
-    Parameters
-    ----------
-    fit : Fit
-    manoeuvre : Manoeuvre
-    """
+    """Return the measurements that a fitted model predicts for a manoeuvre, from rest, without noise."""
     like, block = fit.problem.data, fit.problem.block
     n, names = manoeuvre.time.size, [s.name for s in block.states]
     rest = np.repeat(np.array([s.start for s in block.states])[:, None], n, axis=1)

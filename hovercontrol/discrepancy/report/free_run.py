@@ -62,10 +62,8 @@ def on_rows(fit: Fit, values: Array, log: int) -> tuple[Array, Array]:
 
     Parameters
     ----------
-    fit : Fit
     values : ndarray, shape (K, W, ...)
         Values by row and block.
-    log : int
     """
     rows = fit.problem.rows
     own = (rows.at >= 0) & (rows.log == log)
@@ -78,8 +76,6 @@ def free_run(fit: Fit, log: int = 0, seconds: float = 5.0) -> FreeRun:
 
     Parameters
     ----------
-    fit : Fit
-    log : int, optional
     seconds : float, optional
         Length of a run [s].
     """

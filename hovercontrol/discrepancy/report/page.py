@@ -12,7 +12,6 @@ def page(title: str, sections: Sequence[str]) -> str:
 
     Parameters
     ----------
-    title : str
     sections : sequence of str
         HTML of the sections (:class:`markupsafe.Markup`), in order.
     """

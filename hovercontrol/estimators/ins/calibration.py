@@ -37,7 +37,6 @@ def rest_calibration(
         Averaging time [s].
     period : float, optional
         Period of the IMU [s].
-    name : str, optional
 
     Returns
     -------

@@ -64,7 +64,6 @@ class Cloud:
     roughening : float
         Standard deviation of the noise added after resampling, as a share of the particles' spread along each
         principal axis. The spread counts at most as `near`, so that distant modes stay separate.
-    rng : numpy.random.Generator
     """
 
     def __init__(self, x: Array, near: Array, roughening: float, rng: np.random.Generator) -> None:
@@ -82,7 +81,6 @@ class Cloud:
 
         Parameters
         ----------
-        run : int
         log_likelihood : callable
             Maps states, shape (n, particles), to log-likelihoods, shape (particles,).
         """

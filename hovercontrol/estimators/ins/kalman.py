@@ -101,7 +101,6 @@ class Equations:
         ----------
         name : str
             Name of the aid.
-        estimate : Estimate
         H : sympy.Matrix, shape (1, n)
             Derivative of the measured number with respect to the values.
         innovation, R : sympy.Expr

@@ -111,7 +111,6 @@ def navigation_filter(
 
     Parameters
     ----------
-    name : str
     aids : sequence of Aid
         Processed in this order, each linearised at the estimate that the previous one left.
     parameters : sequence of Signal

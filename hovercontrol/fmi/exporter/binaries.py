@@ -139,7 +139,6 @@ def build_binary(name: str, files: Mapping[str, str], wanted: Platform) -> bytes
         An identifier; begins the cached file's name.
     files : mapping of str to str
         C sources and headers by file name.
-    wanted : Platform
 
     Raises
     ------

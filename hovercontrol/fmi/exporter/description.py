@@ -75,11 +75,9 @@ def model_description(
 
     Parameters
     ----------
-    interface : Interface
     version : {2, 3}
     token : str
         FMI 3's instantiationToken, FMI 2's guid.
-    experiment : Experiment
     text : str
         What the model is, in a sentence.
     source_files : iterable of str, optional

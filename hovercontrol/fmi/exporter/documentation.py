@@ -81,10 +81,7 @@ def documentation(
 
     Parameters
     ----------
-    interface : Interface
     version : {2, 3}
-    token : str
-    experiment : Experiment
     text : str
         What the model is.
     icon : str

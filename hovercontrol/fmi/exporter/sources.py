@@ -22,7 +22,6 @@ def fmu_sources(interface: Interface, version: Version, rtol: float, atol: float
 
     Parameters
     ----------
-    interface : Interface
     version : {2, 3}
         Of FMI.
     rtol, atol : float
@@ -65,8 +64,6 @@ def c_description(interface: Interface, token: str, rtol: float, atol: float) ->
 
     Parameters
     ----------
-    interface : Interface
-    token : str
     rtol, atol : float
         As for :func:`fmu_sources`.
     """

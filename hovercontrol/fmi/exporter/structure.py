@@ -31,10 +31,6 @@ class Unknown:
 class Structure:
     """Dependencies of outputs, derivatives and event indicators.
 
-    Parameters
-    ----------
-    interface : Interface
-
     Attributes
     ----------
     outputs, derivatives, events : tuple of Unknown

@@ -36,7 +36,6 @@ class Unit:
 
     Parameters
     ----------
-    name : str
     exponents : tuple of (str, int) or None
         The base units that occur, ``rad`` among them; empty for plain numbers. None where FMI cannot say
         them: it has whole exponents only, and the density of a noise is in m/s^2.5.
@@ -60,7 +59,6 @@ def fmi_unit(text: str, per_second: bool = False) -> Unit:
     ----------
     text : str
         A signal's unit.
-    per_second : bool, optional
 
     Examples
     --------

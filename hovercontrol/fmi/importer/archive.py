@@ -137,7 +137,6 @@ def open_archive(path: str | Path, limits: Limits = LIMITS) -> Iterator[Archive]
 
     Parameters
     ----------
-    path : path
     limits : Limits, optional
         What the archive may hold at most.
 
@@ -262,10 +261,8 @@ def check_xml(data: bytes, where: str, limits: Limits = LIMITS) -> Header:
 
     Parameters
     ----------
-    data : bytes
     where : str
         Begins the error line: the file.
-    limits : Limits, optional
 
     Raises
     ------

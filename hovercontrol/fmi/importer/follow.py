@@ -69,7 +69,6 @@ class Follower:
 
     Parameters
     ----------
-    engine : Engine
     step : float
         Communication step [s].
     can_return : bool

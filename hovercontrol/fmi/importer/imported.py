@@ -244,10 +244,6 @@ class FmuSystem(control.NonlinearIOSystem):
         time : float, optional
             To start at [s].
 
-        Returns
-        -------
-        FmuRunner
-
         Raises
         ------
         InputError

@@ -104,7 +104,6 @@ class Instance:
     ----------
     folder : Path
         Where the FMU is unpacked.
-    interface : Interface
     name : str
         The instance's name, for its messages.
 

@@ -29,7 +29,6 @@ class FmuRunner(Runner):
 
     Parameters
     ----------
-    system : FmuSystem
     engine : Engine
         An instance for this run alone.
     params : mapping of str to float

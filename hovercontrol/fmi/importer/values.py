@@ -69,7 +69,6 @@ def own_parameters(
         The system's parameters: variable and value in the FMU, by key.
     prefix : str
         Begins the system's keys.
-    interface : Interface
     pushed : bool
         They come from ``control.interconnect``, with those of other systems among them.
     """

@@ -33,7 +33,6 @@ class Remote:
     ----------
     folder : Path
         Where the FMU is unpacked.
-    interface : Interface
     name : str
         The instance's name, for its messages.
     timeout : float

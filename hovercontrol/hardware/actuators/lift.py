@@ -32,8 +32,6 @@ def skirt_on_floor(
         Coefficient of dry friction of the skirt on the floor.
     radius : float, optional
         Mean distance of the skirt from the centre of mass [m].
-    body : Body, optional
-    name : str, optional
 
     Returns
     -------

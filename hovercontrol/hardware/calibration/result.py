@@ -171,7 +171,6 @@ def fit_polynomial(
     title : str
         What error lines and pictures call it.
     x, y : array_like, shape (n,)
-    axes : tuple of two Axis
     coefficients : dict of str to str
         Name and unit, the highest power first.
     scale : float, optional

@@ -64,7 +64,6 @@ class MessageLink:
         Of the Block, and the prefix of its own names.
     every : fractions.Fraction
         Ticks from message to message, at least 1.
-    transmission : Transmission
     gate : Signal, optional
         Input that lets messages go while it is positive.
     """

@@ -27,7 +27,6 @@ def tilted_platform(*, roll: float = 0.0, pitch: float = 0.0, name: str = "platf
     ----------
     roll, pitch : float, optional
         [rad]; parameters.
-    name : str, optional
 
     Returns
     -------

@@ -37,7 +37,6 @@ class CsvSource:
 
     Parameters
     ----------
-    file : path
     dialect : Dialect, optional
         Dialect of the file; by default it is recognised from the start of the file.
     """
