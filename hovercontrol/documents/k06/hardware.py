@@ -122,7 +122,10 @@ def fig_4_5(folder: Path) -> Mapping[str, float]:
     axes.set(xlabel="fan speed [1000 RPM]", ylabel="rudder angle [deg]", zlabel="force [N]")
     figure.savefig(folder / "force.png", dpi=130)
     straight = int(np.argmin(np.abs(table.rudder)))
-    return {"at 10 000 RPM, rudder straight": float(np.interp(1e4, table.columns, table.values[straight]))}
+    return {
+        f"at {speed:g} RPM, rudder straight": float(np.interp(speed, table.columns, table.values[straight]))
+        for speed in (12000.0, -12000.0)
+    }
 
 
 def fig_4_6(folder: Path) -> Mapping[str, float]:
@@ -251,12 +254,20 @@ ITEMS = [
         fig_4_5,
         (
             about(
-                "at 10 000 RPM, rudder straight",
-                1.45,
-                0.05,
+                "at 12000 RPM, rudder straight",
+                1.75,
+                0.25,
                 "N",
-                text="about 1.45 N, read off",
+                text="the last tick is 1.5 N, of a step of 0.5 N",
                 fitted="the stand-in is made so",
+            ),
+            about(
+                "at -12000 RPM, rudder straight",
+                -0.75,
+                0.25,
+                "N",
+                text="the first tick is -0.5 N, of a step of 0.5 N",
+                fitted="by the thrust ahead and (4.4)",
             ),
         ),
         lacks="the entries of the table",
