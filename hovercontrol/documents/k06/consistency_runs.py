@@ -42,6 +42,7 @@ ERRORS = SensorErrors(gyro_walk=0.0, acceleration_walk=0.0)
 #: Without a heading aid the initial heading is 11 degrees off.
 LOST = replace(ERRORS, heading=0.2)
 FIXES = ("fix_x", "fix_y")
+#: Four beacons about 4 m apart and 2 m above the craft, and the places of two units on it [m].
 BEACONS = Beacons([(0.0, 0.0), (4.0, 0.2), (0.1, 3.5), (3.8, 3.9)], 2.0)
 UNITS = ((0.2, 0.0), (-0.2, 0.0))
 RANGE_NOISE, RANGE_BIAS = 0.01, 0.05
