@@ -1,4 +1,4 @@
-"""What each imperfection of K06's real loop costs: alone, and by its absence from all the others."""
+"""The cost of each imperfection of a real loop: alone, and by its absence from all the others."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ from hovercontrol.scenarios.real import real_loop
 
 Array = NDArray[np.float64]
 
-#: Imperfections that are told together too.
+#: Groups of imperfections, whose cost is computed too.
 GROUPS: dict[str, tuple[str, ...]] = {
     "INS errors": ("ins_bias", "ins_noise", "gyro_range"),
     "delays": ("ins_update", "downlink_delay", "uplink_delay", "update_20ms"),
     "actuators": ("dead_zone", "saturation", "tables", "brake"),
 }
 
-#: Rows of the grid at which the gap is seen [s].
+#: Sampling period of the gap [s].
 GRID = 0.02
 
 
 @dataclass(frozen=True)
 class Cost:
-    """What a set of imperfections costs, over many seeds.
+    """The cost of a set of imperfections over many seeds.
 
     Attributes
     ----------
@@ -59,14 +59,14 @@ class Cost:
 
 @dataclass(frozen=True)
 class Budget:
-    """What imperfections cost in one trial.
+    """The costs of imperfections in one trial.
 
     Attributes
     ----------
     trial : str
         The scenario.
     whole, none : Cost
-        With all that the scenario has, and with none of them.
+        With all imperfections of the scenario, and with none.
     alone, without : mapping of str to Cost
         With one imperfection (or group) only, and with all but it.
     """
@@ -78,15 +78,15 @@ class Budget:
     without: Mapping[str, Cost]
 
     def plot(self) -> Figure:
-        """Return what each imperfection costs alone as a picture."""
+        """Return a figure of the cost of each imperfection alone."""
         return open_in_pyplot(budget_figure(self))
 
     def share(self, name: str) -> float:
-        """Return by which part of the whole the mean square gap falls without one; negative if it grows."""
+        """Return the share by which the mean square gap falls without one; negative if it grows."""
         return 1 - float(np.mean(self.without[name].runs ** 2) / np.mean(self.whole.runs**2))
 
     def ranking(self, names: tuple[str, ...] = tuple(SWITCHES)) -> list[str]:
-        """Return names of imperfections, that which costs most alone first."""
+        """Return names of imperfections by their cost alone, the largest first."""
         return sorted((n for n in names if n in self.alone), key=lambda n: -self.alone[n].mean)
 
 
@@ -97,7 +97,7 @@ def budget(
     params: Mapping[str, float] | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Budget:
-    """Return what each imperfection of a trial costs.
+    """Return the cost of each imperfection of a trial.
 
     The cost of a run is the rms over its time of ``sqrt(du^2 + dv^2 + J/m dr^2)``, d being real less ideal:
     the speed at which the craft has the kinetic energy of the difference. Each set of imperfections runs

@@ -38,7 +38,7 @@ def run_trial(
     time : ndarray, shape (n,)
         [s]
     outputs : dict of str to ndarray, shape (runs, n)
-        True motion ``x ... r``, that of the ideal loop ``ideal_x`` ..., and all else the loop tells;
+        True motion ``x ... r``, that of the ideal loop ``ideal_x`` ..., and the loop's other outputs;
         ``heading_error`` is that of the true heading, less whole turns.
 
     Raises
@@ -90,7 +90,7 @@ def run_seeds(
 
 
 def need_trial(analysis: str, scenario: Scenario, runs: int, *, at_least: int) -> Autopilot:
-    """Return a trial's autopilot; raises :class:`InputError` if it is none, or of too few runs."""
+    """Return a trial's autopilot; raise :class:`InputError` without one, or with too few runs."""
     if scenario.autopilot is None or len(scenario.phases) != 1:
         raise InputError(
             f"{analysis}: {scenario.name!r} is no trial of the real loop: k06-real-stop and so on are"
@@ -103,7 +103,7 @@ def need_trial(analysis: str, scenario: Scenario, runs: int, *, at_least: int) -
 def trial_metrics(
     scenario: Scenario, *, runs: int = 20, progress: Callable[[float], None] | None = None
 ) -> dict[str, Array]:
-    """Return what a trial's metrics come to, by name, shape (runs,): one value for each seed.
+    """Return the values of a trial's metrics by name, shape (runs,): one value for each seed.
 
     Parameters and errors are those of :func:`run_trial`.
     """

@@ -1,4 +1,4 @@
-"""What each imperfection of K06's real loop costs in each trial, and whether INS noise dominates."""
+"""The cost of each imperfection of K06's real loop in each trial, and whether INS noise dominates."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ AS_VARIANCES = {
 
 
 def main(out: Path, progress: Progress | None = None, *, trial: str = "", runs: int = 20) -> list[Path]:
-    """Run each trial with every imperfection alone and with all but it; rank what they cost."""
+    """Run each trial with every imperfection alone and with all but it; rank their costs."""
     trials = [_real(trial)] if trial else [f"k06-real-{name}" for name in TRIALS]
     tell = progress or (lambda share: None)
     jobs = len(trials) + 2 * ("k06-real-forward" in trials)

@@ -23,12 +23,12 @@ from hovercontrol.estimators.ins import IMU_PERIOD, K06_NOISE, noise_from_sensor
 #: Where a filter's covariances come from.
 SENSORS, PRINTED = "of the stated sensors", "with K06's printed Q1, Q2"
 OWN = "all of K06's as printed, and errors drawn from them"
-#: Least share inside the 95 % band that is asked of a consistent filter.
+#: Smallest share inside the 95 % band for a filter to count as consistent.
 ASKED = 0.9
 
 
 def main(out: Path, progress: Progress | None = None, *, runs: int = 100, seconds: float = 6.0) -> list[Path]:
-    """Run all filters with covariances of the stated sensors and with K06's printed Q1, Q2; draw and tell."""
+    """Run all filters with covariances of the stated sensors and with K06's printed Q1, Q2."""
     tell = progress or (lambda share: None)
     found: dict[str, Results] = {SENSORS: {}, PRINTED: {}}
     tests = [make(np.random.default_rng(k), runs, seconds) for k, make in enumerate(FILTER_RUNS)]

@@ -42,6 +42,7 @@ ERRORS = SensorErrors(gyro_walk=0.0, acceleration_walk=0.0)
 #: Without a heading aid the initial heading is 11 degrees off.
 LOST = replace(ERRORS, heading=0.2)
 FIXES = ("fix_x", "fix_y")
+#: Four beacons about 4 m apart and 2 m above the craft, and the places of two units on it [m].
 BEACONS = Beacons([(0.0, 0.0), (4.0, 0.2), (0.1, 3.5), (3.8, 3.9)], 2.0)
 UNITS = ((0.2, 0.0), (-0.2, 0.0))
 RANGE_NOISE, RANGE_BIAS = 0.01, 0.05
@@ -80,12 +81,19 @@ class FilterRuns(NamedTuple):
 
 
 def heading_model(period: float) -> Callable[[int, Array, Array], Array]:
-    """Return (3.31): the next error of heading and gyro from tick, error and noise."""
+    """Return (3.31), which maps tick, error and noise to the next error of heading and gyro.
+
+    ``dpsi' = dpsi + dt b + w1``, ``b' = b + w2``, with the gyro's bias b.
+    """
     return lambda k, x, w: np.array([x[0] + period * x[1] + w[0], x[1] + w[1]])
 
 
 def motion_model(psi: Array, period: float) -> Callable[[int, Array, Array], Array]:
-    """Return (3.32) along a heading: the next error of velocity, position and accelerometers."""
+    """Return (3.32) along a heading, for the errors of velocity, position and accelerometers.
+
+    ``dv' = dv + dt B(psi) b + B(psi) w1``, ``dp' = dp + dt dv + dt^2/2 B(psi) b``, ``b' = b + w2``, with the
+    accelerometers' biases b and the rotation B (2.2).
+    """
 
     def step(k: int, x: Array, w: Array) -> Array:
         c, s = np.cos(psi[k]), np.sin(psi[k])
@@ -106,7 +114,7 @@ def model_errors(
     ticks: int,
     runs: int,
 ) -> Array:
-    """Draw errors from such a model, shape (n, ticks, runs), P at the start and Q each tick [variances]."""
+    """Draw errors from a model, shape (n, ticks, runs), with initial variances P and process variances Q."""
     first, each = np.sqrt(np.asarray(P, dtype=float)), np.sqrt(np.asarray(Q, dtype=float))
     errors = np.empty((len(first), ticks, runs))
     errors[:, 0] = rng.normal(size=(len(first), runs)) * first[:, None]

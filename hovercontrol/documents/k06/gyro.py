@@ -72,7 +72,7 @@ def gyro_response(frequency: Array) -> Array:
 
 
 def gyro_sines(frequency: ArrayLike, *, seconds: float = 3.0) -> tuple[Array, Array]:
-    """Return what the bench measures with sines of the rate, as K06 did for table 6.5.
+    """Return the responses that the bench measures with sines of the rate, as K06 did for table 6.5.
 
     Parameters
     ----------

@@ -22,9 +22,9 @@ from hovercontrol.analysis.ins_monte_carlo import (
 )
 from hovercontrol.analysis.output import Progress, save
 from hovercontrol.core.block import Block
+from hovercontrol.documents.k06.consistency_runs import BEACONS, ERRORS, RANGE_NOISE, UNITS
 from hovercontrol.estimators.ins import (
     IMU_PERIOD,
-    SensorErrors,
     noise_from_sensors,
     range_filter,
     range_particles,
@@ -34,11 +34,7 @@ from hovercontrol.estimators.ins.particles import PARTICLES
 from hovercontrol.hardware.sensors import Beacons
 from hovercontrol.simulation.sampled import SampledFilter
 
-ERRORS = SensorErrors(gyro_walk=0.0, acceleration_walk=0.0)
-FOUR = Beacons([(0.0, 0.0), (4.0, 0.2), (0.1, 3.5), (3.8, 3.9)], 2.0)
 TWO = Beacons([(0.0, 0.0), (4.0, 0.0)], 2.0)
-UNITS = ((0.2, 0.0), (-0.2, 0.0))
-RANGE_NOISE = 0.01
 #: The area in which the craft starts if its start is unknown, and the true start [m].
 AREA, AT = ((0.0, 4.0), (-4.0, 4.0)), (1.5, 1.2)
 #: A run that ends with a larger error counts as lost [m].
@@ -59,10 +55,10 @@ class Case(NamedTuple):
 
 
 CASES = (
-    Case("four beacons, start known", FOUR, True, 0.0),
-    Case("four beacons, start unknown", FOUR, False, 0.0),
+    Case("four beacons, start known", BEACONS, True, 0.0),
+    Case("four beacons, start unknown", BEACONS, False, 0.0),
     Case("two beacons, start unknown", TWO, False, 0.0),
-    Case(f"four beacons, {ECHOES:.0%} of the ranges echoes", FOUR, True, ECHOES),
+    Case(f"four beacons, {ECHOES:.0%} of the ranges echoes", BEACONS, True, ECHOES),
 )
 
 

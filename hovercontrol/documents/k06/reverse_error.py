@@ -118,7 +118,7 @@ class SteadyError:
     __repr__ = short_repr
 
     def agrees(self, nothing: SteadyError) -> tuple[bool, bool]:
-        """Tell whether both of K06's findings come out: an error at each reference astern, none ahead.
+        """Return whether both of K06's findings hold: an error at each reference astern, and none ahead.
 
         Parameters
         ----------
@@ -235,7 +235,7 @@ LOGGED = ("reverse thrust 60 % less", "dead zone of the fan, 0.2 N", "dry fricti
 def main(
     out: Path, progress: Progress | None = None, *, runs: int = 6, logged: Sequence[str] = LOGGED
 ) -> list[Path]:
-    """Run each suspect astern and ahead, set its errors beside what K06 saw; ask `diagnose` about logs."""
+    """Run each suspect astern and ahead, compare its errors with K06's findings, and diagnose logs."""
     tell = progress or (lambda share: None)
     found = steady_errors(runs=runs, progress=lambda share: tell(0.6 * share))
     words = _words(found, runs)

@@ -15,7 +15,7 @@ from hovercontrol.analysis.output import Progress, save
 from hovercontrol.autopilot import autopilot
 from hovercontrol.guidance import steering_law, weaving
 
-#: Surge velocity of the turns whose modes are drawn [m/s].
+#: Surge velocity of the turns in the picture of their modes [m/s].
 SURGE = 0.7
 
 

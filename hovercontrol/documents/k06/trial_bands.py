@@ -1,4 +1,4 @@
-"""K06's trials in the real loop over many seeds: each figure asked for, and how often it is met."""
+"""K06's trials in the real loop over many seeds: the bands in K06's text, and how often they are met."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ Array = NDArray[np.float64]
 
 
 class Asked(NamedTuple):
-    """What K06's text says of a trial, as a band; how it is measured stands in the scenario's metrics.
+    """A statement of K06's text on a trial as a band; the scenario's metrics measure it.
 
     Attributes
     ----------
     metrics : tuple of str
-        Their names; of several the largest value counts, so that all must be met.
+        Their names; the largest of their values counts, so that all must be in the band.
     low, high : float
     unit, name : str
     """
@@ -72,7 +72,7 @@ ASKED: dict[str, tuple[Asked, ...]] = {
 
 
 class Row(NamedTuple):
-    """One figure of one trial: what is asked, and its value for each seed."""
+    """A band of a trial, and the value for each seed."""
 
     trial: str
     asked: Asked
@@ -85,7 +85,7 @@ class Row(NamedTuple):
 
 
 def main(out: Path, progress: Progress | None = None, *, trial: str = "", runs: int = 20) -> list[Path]:
-    """Run the trials with the seeds from 1 on; set each figure beside what is asked."""
+    """Run the trials with the seeds from 1 on; compare each value with its band."""
     trials = [_known(trial)] if trial else list(ASKED)
     tell = progress or (lambda share: None)
     rows: list[Row] = []

@@ -1,4 +1,4 @@
-"""Runs of K06's bench: what the sensors are taken to be, rms errors over seeds, and one run by time."""
+"""Runs of K06's bench: assumed sensor errors, rms errors over seeds, and one run over time."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Settings = Mapping[str, float]
 #: Seeds of each item's test.
 SEEDS = 8
 
-#: What K06 does not print of these tests.
+#: Settings of these tests that K06 does not print.
 LACKS = (
     "the noise of the tachometer, how the axis leans, how old Cricket's fixes are, the Q1 of table 6.6's run"
 )

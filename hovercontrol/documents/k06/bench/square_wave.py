@@ -33,7 +33,7 @@ INTEGRATED_Q1: Settings = {"heading.Q1[0,0]": K06_NOISE.Q1[0] * IMU_PERIOD**2, "
 #: The square wave [rad/s]: as fast as the gyro, whose gain is 1.046, reads it within 300 deg/s with room for
 #: noise and bias; K06's words are "a high rate", the axis of figure 6.17 ends at 6 rad/s.
 SQUARE = 4.7
-#: What K06 does not print of the square wave's test, varied one at a time.
+#: Settings of the square wave's test that K06 does not print, varied one at a time.
 VARIED: Mapping[str, Mapping[str, Sequence[float]]] = {
     "rate 4, 5 rad/s": {"command.rate": (4.0, 5.0)},
     "motor's lag 0.05, 0.2, 0.4 s": {"turntable.lag": (0.05, 0.2, 0.4)},
@@ -126,7 +126,7 @@ def draw_courses(rate: Axes, error: Axes) -> float:
 
 
 def save_square_wave(out: Path, seeds: int, walks: int) -> list[Path]:
-    """Draw figure 6.17 and table 6.6 over what K06 does not print; write the table."""
+    """Draw figure 6.17, and table 6.6 over the settings that K06 does not print; write the table."""
     found, printed_q = square_wave(seeds=seeds), square_wave({}, seeds=seeds)
     few = max(2, seeds // 4)
     steps = np.geomspace(1e-9, 5e-4, walks)
