@@ -1,6 +1,6 @@
 """Every page of the built site in a browser: ``python -m tests.docs.look out/site [PICTURES]``.
 
-At 390 and 1400 pixels, light and dark: prints pages wider than the window, code cut at the right edge, errors,
+At 390 and 1400 pixels, light and dark: prints pages wider than the window, cut code, errors,
 addresses outside the site and broken links. Screenshots are kept if a folder is given.
 """
 
