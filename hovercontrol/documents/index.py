@@ -14,6 +14,7 @@ import hovercontrol
 from hovercontrol.documents.item import KINDS, Outcome
 from hovercontrol.documents.markers import places
 from hovercontrol.documents.printed import numbered_items
+from hovercontrol.documents.registry import all_items
 from hovercontrol.io.folders import write_folder
 
 #: The documents as their readers know them.
@@ -42,7 +43,7 @@ h1 { line-height: 1.2 } h2 { line-height: 1.25; font-size: 1.3em }
 table { border-collapse: collapse; width: 100%; margin: 0.5em 0 1em }
 th, td { border-bottom: 1px solid #ccc; padding: 0.3em 0.8em 0.3em 0; text-align: left; vertical-align: top }
 td.item, td.number { white-space: nowrap; font-variant-numeric: tabular-nums }
-td.place { font-family: ui-monospace, monospace; font-size: 0.87em; overflow-wrap: anywhere }
+span.place { font-family: ui-monospace, monospace; font-size: 0.87em; overflow-wrap: anywhere }
 section { border-top: 2px solid #888; margin-top: 2em }
 figure { display: inline-block; margin: 0.3em 0.6em 0 0; vertical-align: top; max-width: 100% }
 figcaption { color: #444; font-size: 0.87em }
@@ -114,6 +115,7 @@ def _finite(value: float) -> float | None:
 
 def _code(document: str) -> list[dict[str, Any]]:
     found = places()
+    drawn = {(i.document, i.kind, i.number) for i in all_items(document)}
     return [
         {
             "document": document,
@@ -121,6 +123,7 @@ def _code(document: str) -> list[dict[str, Any]]:
             "title": n.title,
             "places": [str(p) for p in found.get(n.key, [])],
             "without_code": n.without_code,
+            "drawn": n.kind != "fig" or n.key in drawn,
         }
         for n in numbered_items(document)
     ]
@@ -247,5 +250,6 @@ def _code_table(document: str) -> str:
 
 def _place(entry: Mapping[str, Any]) -> str:
     if entry["places"]:
-        return f'<td class="place">{escape(", ".join(entry["places"]))}</td>'
+        said = "" if entry["drawn"] else "not drawn again, a diagram of what stands at "
+        return f'<td>{said}<span class="place">{escape(", ".join(entry["places"]))}</span></td>'
     return f"<td>{escape(entry['without_code'] or 'no place yet')}</td>"

@@ -178,7 +178,7 @@ def test_k06s_real_loop_keeps_the_sticks_motion_over_the_grid(navigation):
     found = steering_map(loop, points=3)
     kept = found["within"].mean()  # each in the mean over some weaves: noise of the error model remains in it
     assert kept == 1.0 if navigation == "magnetometer" else kept >= 7 / 9
-    assert np.abs(found["surge_error"]).max() < 0.10 and np.abs(found["yaw_rate_error"]).max() < 0.15
+    assert np.abs(found["surge_error"]).max() < 0.10 and np.abs(found["yaw_rate_error"]).max() < 0.25
 
 
 def has_trim(plant, surge, yaw_rate):
@@ -214,6 +214,7 @@ def test_the_real_loop_steers_a_craft_with_drag_where_the_rudder_reaches():
         guidance=command_filter(period=0.001),
         references={"surge_ref": 0.5, "yaw_rate_ref": 0.3},
         plant=craft.plant(),
+        navigation="magnetometer",
     )
     found = steering_map(loop, points=3)
     plant = craft.plant()

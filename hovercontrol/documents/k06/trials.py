@@ -127,8 +127,7 @@ def nearest(values: Array, low: float, high: float) -> float:
 def simulated(name: str) -> Scenario:
     """Return a scenario; of K06's simulated trials with K06's errors of the navigation and nothing chosen.
 
-    The scenarios ``k06-real-...`` have sensors and filters in full, and a loss of thrust that brings the stop
-    trial to rest after 10 s with them.
+    The scenarios ``k06-real-...`` have sensors and filters in full, and a loss of thrust at a turned rudder.
     """
     scenario = load_scenario(name)
     if scenario.autopilot is None or not name.startswith("k06-real-"):

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from hovercontrol.documents import Outcome, all_items, numbered_items, places
-from hovercontrol.documents.k06 import gyro, hardware
+from hovercontrol.documents.index import index_content
+from hovercontrol.documents.k06 import gyro, hardware, trials
 
 NUMBERED = numbered_items("k06")
 BY_NAME = {item.name: item for item in all_items("k06")}
@@ -22,6 +23,17 @@ def test_every_table_is_rebuilt_and_every_figure_unless_it_has_a_reason_or_is_th
     assert all(n.kind == "fig" for n in missing)
     diagrams = {"2.1", "3.2", "5.1", "5.6", "6.1", "6.2", "6.3", "6.4", "6.5", "6.6", "B.1"}
     assert {n.number for n in missing if not n.without_code} == diagrams
+    code = index_content([Outcome(BY_NAME["table 4.1"], failure="not run")])["code"]
+    assert {e["item"].split()[1] for e in code if e["places"] and not e["drawn"]} == diagrams
+
+
+def test_the_nearest_of_the_seeds_is_inside_a_range_if_any_is():
+    values = np.array([0.1, 0.45, 0.9])
+    assert trials.nearest(values, 0.4, 0.5) == 0.45
+    assert trials.nearest(values, 0.55, 0.6) == 0.45
+    assert trials.nearest(values, 0.2, 0.3) == 0.1
+    for rows in trials.ENDS.values():
+        assert all(low < high for *_, low, high in rows)
 
 
 @pytest.mark.parametrize(
