@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from hovercontrol.discrepancy.criteria import Criteria
 from hovercontrol.discrepancy.evidence.blocks import Blocks, agreement
 from hovercontrol.discrepancy.evidence.sensors import only_noise
+from hovercontrol.discrepancy.search.candidates import catalogue
 from hovercontrol.discrepancy.search.score import Scored, likelier_time
 from hovercontrol.discrepancy.search.trace import Decision
 from hovercontrol.effects import Effect
@@ -92,6 +93,17 @@ class Search:
     criteria: Criteria
     report: Callable[[str], None]
     trace: list[Decision] = field(default_factory=list)
+    made: list[tuple[Fit, Tried | None, str]] = field(default_factory=list)
+
+    def once(self, current: Fit, e: Effect, scored: Scored) -> Tried | None:
+        """Return the fit with an effect; a fit that was made from here before is not made again."""
+        for before, t, name in self.made:
+            if before is current and name == e.name:
+                return t
+        self.report(f"trying {e.name}")
+        t = try_effect(self, current, e, scored)
+        self.made.append((current, t, e.name))
+        return t
 
     def fit(self, near: Fit, model: Subject, times: bool = False) -> Fit:
         """Fit a model from the end of another fit; `times`: fit the noise's correlation times as well."""
@@ -154,6 +166,17 @@ def noted(search: Search, t: Tried, looked_at: int) -> bool:
     rows = [row for row, _ in tested(t, looked_at, search.criteria)]
     search.trace.extend(rows)
     return all(row.passed for row in rows)
+
+
+def among(search: Search, t: Tried, known: Iterable[Tried], looked_at: int) -> int:
+    """Return the number of candidates among which an effect is chosen.
+
+    Once a drag along an axis passes all tests, something is known to be missing there. Another drag along
+    that axis is then chosen among these few, any other effect among all candidates.
+    """
+    if not any(t.name != o.name and t.effect.kin(o.effect) for o in known):
+        return looked_at
+    return sum(cls.axis == t.effect.axis for cls in catalogue(search.model, search.names))
 
 
 def falls_short(t: Tried, scored: Scored) -> bool:
@@ -283,24 +306,6 @@ def with_times(search: Search, t: Tried) -> Tried:
         return t
     fit = search.fit(t.fit, t.fit.model, times=True)
     return replace(t, fit=fit, gain=t.gain + t.fit.cost - fit.cost)
-
-
-def sized(model: Subject, e: Effect) -> Effect:
-    """Return a drag of at least half the size of the model's own along its axis, in the same unit.
-
-    Near standstill dry friction hides a drag from the score, so the model's own drag sets the size.
-    """
-    own = [o for o in model.effects if o.kin(e) and "value" in o.numbers and "value" in e.numbers]
-    alike = [o for o in own if o.numbers["value"].unit == e.numbers["value"].unit]
-    if not alike:
-        return e
-    value = max(abs(e.values["value"]), 0.5 * max(abs(o.values["value"]) for o in alike))
-    return e.within_bounds(**{**e.values, "value": value})
-
-
-def explained(t: Tried) -> bool:
-    """Whether an effect leaves process noise of at most 2 % of the acceleration in every equation."""
-    return bool(np.all(t.fit.noise.process <= 0.02 * t.fit.problem.accelerations))
 
 
 def brings_nothing(t: Tried, simpler: Tried, criteria: Criteria) -> bool:
