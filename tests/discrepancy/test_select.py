@@ -8,16 +8,9 @@ import pytest
 from hovercontrol.discrepancy.criteria import CRITERIA
 from hovercontrol.discrepancy.diagnose import diagnose
 from hovercontrol.discrepancy.search.base import base_fit
+from hovercontrol.discrepancy.search.fit import Search, Tried, try_effect, without_it
+from hovercontrol.discrepancy.search.rules import among, passes, why_not
 from hovercontrol.discrepancy.search.select import select
-from hovercontrol.discrepancy.search.trial import (
-    Search,
-    Tried,
-    among,
-    passes,
-    try_effect,
-    why_not,
-    without_it,
-)
 from hovercontrol.effects import effect
 from hovercontrol.estimation.data import gather
 from hovercontrol.estimation.fit import refit

@@ -10,20 +10,12 @@ from scipy.stats import chi2
 
 from hovercontrol.discrepancy.search.candidates import beyond, candidates
 from hovercontrol.discrepancy.search.confirm import Confirmed, Rival, Selection, confirmed, lead_of
+from hovercontrol.discrepancy.search.fit import TRIALS, Search, Tried, try_effect, with_times
 from hovercontrol.discrepancy.search.leads import ASKED_FOR, Lead
+from hovercontrol.discrepancy.search.rules import among, brings_nothing, noted
 from hovercontrol.discrepancy.search.score import Scored, Scores
 from hovercontrol.discrepancy.search.sets import singles
 from hovercontrol.discrepancy.search.trace import Decision
-from hovercontrol.discrepancy.search.trial import (
-    TRIALS,
-    Search,
-    Tried,
-    among,
-    brings_nothing,
-    noted,
-    try_effect,
-    with_times,
-)
 from hovercontrol.estimation.fit import Fit
 
 #: Maximum number of times that a better effect replaces a named one; a better one after that is a rival.

@@ -6,8 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from hovercontrol.discrepancy.evidence.blocks import Blocks
+from hovercontrol.discrepancy.search.fit import Search, Tried, beside
 from hovercontrol.discrepancy.search.leads import Lead
-from hovercontrol.discrepancy.search.trial import Search, Tried, beside, noted, why_not
+from hovercontrol.discrepancy.search.rules import noted, why_not
 from hovercontrol.estimation.fit import Fit
 from hovercontrol.io.short_repr import short_repr
 

@@ -2,7 +2,7 @@
 
 Each round scores all candidates on one table (:mod:`.score`), chooses the few best sets by their gain on
 left-out blocks (:mod:`.sets`), fits these, and goes on from the likeliest: the table is made again there.
-What was added is then confirmed (:mod:`.confirm`) and challenged (:mod:`.challenge`); :mod:`.held_out`
+What was added is then confirmed (:mod:`.confirm`) and challenged (:mod:`.challenge`); :mod:`.hold_out`
 follows.
 """
 
@@ -16,24 +16,21 @@ from hovercontrol.discrepancy.evidence.sensors import only_noise
 from hovercontrol.discrepancy.search.candidates import beyond, candidates
 from hovercontrol.discrepancy.search.challenge import challenged
 from hovercontrol.discrepancy.search.confirm import Selection
-from hovercontrol.discrepancy.search.leads import ASKED_FOR, leads
-from hovercontrol.discrepancy.search.score import Scored, Scores, at_its_time
-from hovercontrol.discrepancy.search.sets import singles, together
-from hovercontrol.discrepancy.search.trace import Decision
-from hovercontrol.discrepancy.search.trial import (
+from hovercontrol.discrepancy.search.fit import (
     TRIALS,
     Search,
     Tried,
-    among,
     at_likeliest_time,
     begun_again,
-    brings_nothing,
-    noted,
-    passes,
     try_effect,
     with_times,
     without_it,
 )
+from hovercontrol.discrepancy.search.leads import ASKED_FOR, leads
+from hovercontrol.discrepancy.search.rules import among, brings_nothing, noted, passes
+from hovercontrol.discrepancy.search.score import Scored, Scores, at_its_time
+from hovercontrol.discrepancy.search.sets import singles, together
+from hovercontrol.discrepancy.search.trace import Decision
 from hovercontrol.estimation.fit import Fit
 from hovercontrol.estimation.subject import Subject
 
