@@ -100,7 +100,7 @@ class Scores:
 
     def of(self, i: int) -> Scored:
         """Return the score of candidate i."""
-        return self._scored(self.tried[i], list(self.columns_of(i)))
+        return self.each()[i]
 
     def _scored(self, candidate: Candidate, cols: list[int]) -> Scored:
         mine = self.movable
@@ -195,7 +195,11 @@ class Scores:
 
     def each(self) -> list[Scored]:
         """Return the score of every candidate."""
-        return [self.of(i) for i in range(len(self.tried))]
+        return self._each
+
+    @cached_property
+    def _each(self) -> list[Scored]:
+        return [self._scored(c, list(self.columns_of(i))) for i, c in enumerate(self.tried)]
 
     def best(self) -> list[Scored]:
         """Return the best trial of each effect, the largest gain first."""
