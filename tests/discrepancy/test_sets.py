@@ -88,7 +88,7 @@ def test_what_is_in_one_block_alone_gains_nothing(parts):
 def test_a_shift_in_time_is_no_partner_of_another(parts):
     noise, unknowns, columns = parts
     names = ("input_delay", "time_offset")
-    residual = noise + columns[..., 0] + columns[..., 1]
+    residual = noise - columns[..., 0] - columns[..., 1]
     scores = table(residual, unknowns, columns[..., :2], ("body_surge_force", "body_side_force"))
     alone = singles(scores)
     assert together(scores, alone, CRITERIA) is not None
