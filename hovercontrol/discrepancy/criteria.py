@@ -48,10 +48,7 @@ class Criteria:
         Process noise below this fraction of the observed acceleration counts as zero: the steps of the
         simulation cause as much.
     share : float
-        A candidate is not fitted if its score is below this fraction of the best score.
-    alike : float
-        The same fraction where the best candidate leaves almost no process noise. Then only near twins fit as
-        well (signatures correlated by 0.88 and more).
+        A candidate is not fitted if its gain on left-out blocks is below this fraction of the best one's.
     tries : int
         Maximum number of candidates fitted to find the best.
     worse : float
@@ -86,7 +83,6 @@ class Criteria:
     remains: float = 28.0
     negligible: float = 4e-3
     share: float = 0.4
-    alike: float = 0.8
     tries: int = 4
     worse: float = 3.0
     better: float = 2.0

@@ -22,8 +22,8 @@ from scipy import stats
 
 from hovercontrol.discrepancy.criteria import CRITERIA
 from hovercontrol.discrepancy.search.candidates import candidates
+from hovercontrol.discrepancy.search.fit import Search, Tried, try_effect
 from hovercontrol.discrepancy.search.score import Scored, Scores, at_its_time
-from hovercontrol.discrepancy.search.trial import Search, Tried, try_effect
 from hovercontrol.effects import Effect
 from hovercontrol.estimation.fit import Fit, refit
 from hovercontrol.estimation.kalman import run_filter

@@ -8,7 +8,6 @@ from hovercontrol.discrepancy import diagnose
 from hovercontrol.discrepancy.search import candidates as module
 from hovercontrol.discrepancy.search.base import base_fit
 from hovercontrol.discrepancy.search.candidates import Candidate, candidates
-from hovercontrol.discrepancy.search.trial import sized
 from hovercontrol.effects import Shape, effect_class, effect_names
 from hovercontrol.effects.generic import generic_effects
 from hovercontrol.estimation.data import gather
@@ -53,7 +52,6 @@ def test_an_effect_that_a_search_proposes_is_within_its_bounds(name, rng):
         if len(amplitudes) == len(shapes) == 1:
             assert len(trial.begins(trial)) == (1 if cls.kind() == "measurement" else 4)
         assert all(map(within, trial.begins(trial)))
-    assert within(sized(motor(), cls.small()))
 
 
 @pytest.mark.parametrize("scale", [1e-300, 1e-10, 1e10])

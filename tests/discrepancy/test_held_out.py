@@ -13,7 +13,8 @@ from hovercontrol.discrepancy.evidence.holdout import Gained, Horizons, ahead, h
 from hovercontrol.discrepancy.evidence.of_effects import Evidence
 from hovercontrol.discrepancy.search.base import base_fit
 from hovercontrol.discrepancy.search.confirm import Selection
-from hovercontrol.discrepancy.search.held_out import (
+from hovercontrol.discrepancy.search.fit import Tried, beside
+from hovercontrol.discrepancy.search.hold_out import (
     HeldOut,
     _less,
     _unconfirmed,
@@ -21,7 +22,6 @@ from hovercontrol.discrepancy.search.held_out import (
     _worse,
     held_out,
 )
-from hovercontrol.discrepancy.search.trial import Tried, beside
 from hovercontrol.effects import effect
 from hovercontrol.errors import InputError
 from hovercontrol.estimation.data import gather

@@ -8,16 +8,9 @@ import pytest
 from hovercontrol.discrepancy.criteria import CRITERIA
 from hovercontrol.discrepancy.diagnose import diagnose
 from hovercontrol.discrepancy.search.base import base_fit
-from hovercontrol.discrepancy.search.confirm import _looked_at
+from hovercontrol.discrepancy.search.fit import Search, Tried, try_effect, without_it
+from hovercontrol.discrepancy.search.rules import among, passes, why_not
 from hovercontrol.discrepancy.search.select import select
-from hovercontrol.discrepancy.search.trial import (
-    Search,
-    Tried,
-    passes,
-    try_effect,
-    why_not,
-    without_it,
-)
 from hovercontrol.effects import effect
 from hovercontrol.estimation.data import gather
 from hovercontrol.estimation.fit import refit
@@ -80,12 +73,13 @@ def test_which_drag_an_axis_lacks_is_asked_among_its_few(dragged):
     case, found = dragged
     search = Search(case.model, None, CRITERIA, lambda what: None)
     mine = Tried("yaw_quadratic_drag", found.final, 100.0, found.blocks["yaw_quadratic_drag"], 1)
-    for e, among in (
+    for e, count in (
         (effect("yaw_stribeck", value=0.1, speed=0.5), 3),
         (effect("slope", x=0.1, y=0.0), 4),
     ):
         t = try_effect(search, found.base, e)
-        assert _looked_at(search, replace(found, candidates=4), t, mine) == among
+        assert among(search, t, [mine], 4) == count
+        assert among(search, t, [], 4) == 4
 
 
 @pytest.mark.slow

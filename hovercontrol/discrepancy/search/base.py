@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from hovercontrol.discrepancy.criteria import CRITERIA
-from hovercontrol.discrepancy.search.trial import TRIALS
+from hovercontrol.discrepancy.search.fit import TRIALS
 from hovercontrol.estimation.data import Data
 from hovercontrol.estimation.fit import CONVERGENCE, Fit, estimate, first_noise, refit
 from hovercontrol.estimation.prior import prior_of

@@ -9,8 +9,9 @@ import numpy as np
 
 from hovercontrol.discrepancy.criteria import Criteria
 from hovercontrol.discrepancy.evidence.sensors import only_noise
+from hovercontrol.discrepancy.search.fit import Tried
+from hovercontrol.discrepancy.search.rules import why_not
 from hovercontrol.discrepancy.search.score import Scored
-from hovercontrol.discrepancy.search.trial import Tried, why_not
 from hovercontrol.estimation.fit import Fit
 
 #: Reason why an effect outside the catalogue is not named.

@@ -100,8 +100,7 @@ class Scores:
 
     def of(self, i: int) -> Scored:
         """Return the score of candidate i."""
-        cols = [self.P + c for c in self.own[i]]
-        return self._scored(self.tried[i], cols)
+        return self.each()[i]
 
     def _scored(self, candidate: Candidate, cols: list[int]) -> Scored:
         mine = self.movable
@@ -166,8 +165,15 @@ class Scores:
 
         minus the same sum for the unknowns alone; Lambda is the precision of the prior, z0 its centre.
         """
-        mine = self.movable.tolist()
-        return self._left_out([*mine, *(self.P + c for c in self.own[i])]) - self._left_out_alone
+        return self.left_out_gain_of(self.columns_of(i))
+
+    def columns_of(self, i: int) -> tuple[int, ...]:
+        """Return the columns of candidate i in the table."""
+        return tuple(self.P + c for c in self.own[i])
+
+    def left_out_gain_of(self, columns: Sequence[int]) -> float:
+        """Return the cross-validated gain of some columns together (:meth:`left_out_gain`)."""
+        return self._left_out([*self.movable.tolist(), *columns]) - self._left_out_alone
 
     @cached_property
     def _left_out_alone(self) -> float:
@@ -189,7 +195,11 @@ class Scores:
 
     def each(self) -> list[Scored]:
         """Return the score of every candidate."""
-        return [self.of(i) for i in range(len(self.tried))]
+        return self._each
+
+    @cached_property
+    def _each(self) -> list[Scored]:
+        return [self._scored(c, list(self.columns_of(i))) for i, c in enumerate(self.tried)]
 
     def best(self) -> list[Scored]:
         """Return the best trial of each effect, the largest gain first."""

@@ -9,7 +9,7 @@ from dataclasses import replace
 from hovercontrol.discrepancy.criteria import CRITERIA, Criteria
 from hovercontrol.discrepancy.evidence.of_effects import Evidence
 from hovercontrol.discrepancy.evidence.sensors import only_noise
-from hovercontrol.discrepancy.search.held_out import HeldOut, held_out
+from hovercontrol.discrepancy.search.hold_out import HeldOut, held_out
 from hovercontrol.discrepancy.search.select import select
 from hovercontrol.discrepancy.search.trace import Decision
 from hovercontrol.estimation.data import Data

@@ -1,37 +1,48 @@
-"""Selection of the effects that a model lacks: by scores, fits and agreement of blocks."""
+"""Selection of the effects that a model lacks, in five steps: score, fit, confirm, challenge, hold out.
+
+Each round scores all candidates on one table (:mod:`.score`), chooses the few best sets by their gain on
+left-out blocks (:mod:`.sets`), fits these, and goes on from the likeliest: the table is made again there.
+What was added is then confirmed (:mod:`.confirm`) and challenged (:mod:`.challenge`); :mod:`.hold_out`
+follows.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from hovercontrol.discrepancy.criteria import CRITERIA, Criteria
 from hovercontrol.discrepancy.evidence.sensors import only_noise
 from hovercontrol.discrepancy.search.candidates import beyond, candidates
-from hovercontrol.discrepancy.search.confirm import Selection, confirmed
-from hovercontrol.discrepancy.search.leads import ASKED_FOR, leads
-from hovercontrol.discrepancy.search.score import Scored, Scores, at_its_time
-from hovercontrol.discrepancy.search.trace import Decision
-from hovercontrol.discrepancy.search.trial import (
+from hovercontrol.discrepancy.search.challenge import challenged
+from hovercontrol.discrepancy.search.confirm import Selection
+from hovercontrol.discrepancy.search.fit import (
     TRIALS,
     Search,
     Tried,
     at_likeliest_time,
     begun_again,
-    brings_nothing,
-    explained,
-    falls_short,
-    noted,
-    sized,
     try_effect,
     with_times,
     without_it,
 )
+from hovercontrol.discrepancy.search.leads import ASKED_FOR, leads
+from hovercontrol.discrepancy.search.rules import among, brings_nothing, noted, passes
+from hovercontrol.discrepancy.search.score import Scored, Scores, at_its_time
+from hovercontrol.discrepancy.search.sets import singles, together
+from hovercontrol.discrepancy.search.trace import Decision
 from hovercontrol.estimation.fit import Fit
 from hovercontrol.estimation.subject import Subject
 
-#: Maximum number of low-scoring candidates fitted because blocks agree on them.
-UNDERRATED = 2
+
+@dataclass(frozen=True, eq=False)
+class Added:
+    """A set of effects added to a fit, one after the other; the last one with the fit before it."""
+
+    earlier: tuple[Tried, ...]
+    before: Fit
+    last: Tried
+    among: int = 0
 
 
 def select(
@@ -62,161 +73,113 @@ def select(
         Gets a row for each decision.
     """
     search = Search(model, names, criteria, report, [] if trace is None else trace)
-    current = base
-    first: list[Tried] = []
-    effects: list[str] = []
-    steps: list[tuple[str, float]] = []
+    current, steps = base, list[tuple[str, float]]()
     tried: dict[str, Tried] = {}
-    seen: list[Scored] = []
-    safe: Selection | None = None
-
-    def so_far() -> Selection:
-        looked_at = len(seen) + len(effects)
-        found = Selection(base, current, tuple(effects), steps=tuple(steps), candidates=looked_at)
-        return confirmed(search, found, first, safe) if effects else found
-
+    counts: dict[str, int] = {}
     while True:
         report("scoring the catalogue")
-        seen = Scores(current, candidates(current, names)).best()
-        search.trace.extend(_score_rows(seen, criteria))
-        if len(effects) >= max_effects:
+        scores = Scores(current, candidates(current, names))
+        seen = scores.best()
+        if len(steps) >= max_effects:
             break
-        found = _add(search, current, seen)
-        good = [t for t in found if noted(search, t, len(seen))]
-        hidden = [] if good else _underrated(search, current, seen, {t.name for t in found})
-        good = good or [t for t in hidden if noted(search, t, len(seen))]
-        first = [*found, *hidden] if current is base else first
-        tried = {t.name: t for t in (*found, *hidden)}
-        if not good and found and safe is None:  # may pass together with another effect though it fails alone
-            enough = [t for t in found if t.gain > criteria.least + criteria.each * t.numbers]
-            good = [t for t in enough if not t.effect.flexible]
-            safe = so_far() if good else None
-        if not good:
+        search.trace.extend(_forbidden(seen))
+        found = _fitted(search, current, scores, max_effects - len(steps))
+        tried = {a.last.name: a.last for a in found}
+        best = _likeliest(search, found, len(seen))
+        if best is None:
             break
-        best = begun_again(search, current, _likeliest(search, good))
-        best = at_likeliest_time(search, current, best)
-        better = without_it(search, current, best)
-        if better is not None:
-            if current is base:
-                base, first = better, []
-            current, safe = better, None
-            continue
-        effects.append(best.name)
-        steps.append((best.name, best.gain))
-        current = best.fit
-    selection = so_far()
-    if safe is not None and len(selection.effects) < len(safe.effects):
-        selection = safe
+        steps += [(t.name, t.gain) for t in best.earlier]
+        counts |= {t.name: len(seen) for t in best.earlier} | {best.last.name: best.among}
+        t = at_likeliest_time(search, best.before, begun_again(search, best.before, best.last))
+        better = without_it(search, best.before, t)
+        if better is None:
+            steps.append((t.name, t.gain))
+        elif best.before is base:
+            base = better
+        current = t.fit if better is None else better
+    looked_at = len(seen) + len(steps)
+    selection = Selection(
+        base, current, tuple(n for n, _ in steps), steps=tuple(steps), among=counts, candidates=looked_at
+    )
+    if steps:
+        selection = challenged(search, selection)
     if not only_noise(current, criteria):
         others = Scores(current, candidates(current, beyond(current.model, names))).best()
-        search.trace.extend(
-            Decision("score", s.candidate.name, ASKED_FOR, s.gain, passed=False) for s in others
-        )
+        rows = (Decision("score", s.candidate.name, ASKED_FOR, s.gain, passed=False) for s in others)
+        search.trace.extend(rows)
         seen = sorted([*seen, *others], key=lambda s: -s.gain)
     near = leads(seen, tried, selection.effects, selection.dropped, selection.final, criteria)
     return replace(selection, leads=near)
 
 
-def _score_rows(seen: Sequence[Scored], criteria: Criteria) -> list[Decision]:
-    """Return the decision on each scored candidate: whether it is worth a fit."""
-    rows = []
-    for s in seen:
-        asked = TRIALS.promised * (criteria.least + criteria.each * len(s.parts))
-        rule = "gain predicted by the score, at least" if s.allowed else "best size within its bounds"
-        good = s.allowed and s.gain > asked
-        rows.append(Decision("score", s.candidate.name, rule, float(s.gain), float(asked), good))
-    return rows
+def _forbidden(seen: Sequence[Scored]) -> list[Decision]:
+    """Return a row for each candidate that fits best with a sign or size that its bounds forbid."""
+    rule = "a size within its bounds"
+    return [Decision("score", s.candidate.name, rule, s.gain, passed=False) for s in seen if not s.allowed]
 
 
-def _underrated(search: Search, current: Fit, seen: Sequence[Scored], done: set[str]) -> list[Tried]:
-    """Return fits with effects whose score underrates them, in equations with process noise left.
+def _fitted(search: Search, current: Fit, scores: Scores, most: int) -> list[Added]:
+    """Return the fits with the best effects alone, and with the set that gains more than each alone.
 
-    Process noise that absorbed an effect lowers the score of that effect, though blocks agree on it; the best
-    of these are fitted. Frictions that fade with speed are fitted too, since they are far from linear near
-    standstill. Agreement of blocks is no reason to fit an effect of many numbers, which is not named while a
-    remainder is left.
+    The gain on left-out blocks is a linear prediction. An effect is fitted if it promises enough, and not
+    much less than the best one whose fit keeps its promise: a wrong scale of a motor's tachometer promised
+    415 and kept nothing, where the dead zone that was there promised 17.
     """
-    problem, criteria = current.problem, search.criteria
-    axes = {
-        problem.block.states[problem.free[i]].name
-        for i, there in zip(problem.driven, criteria.left(current), strict=True)
-        if there
-    }
-    if not axes:
-        return []
-    p = criteria.level / max(len(seen), 1)
-    worthy = [s for s in seen if s.allowed and not s.candidate.trial.flexible]
-    agreed = [s for s in worthy if s.p_value < p and s.candidate.name not in done][:UNDERRATED]
-    found = []
-    for s in seen:
-        e = s.candidate.trial
-        fading = e.fades() and e.axis in axes and e.name not in done
-        if fading or s in agreed:
-            search.report(f"trying {e.name}")
-            t = try_effect(search, current, sized(problem.model, s.effect))
-            found += [t] if t else []
-    return found
-
-
-def _likeliest(search: Search, good: Sequence[Tried]) -> Tried:
-    """Return the likeliest of the effects that may be named, each fitted with its own correlation times.
-
-    Ties must not depend on rounding: of effects with equal cost, the one with fewer parameters is returned,
-    then the first by name.
-    """
-    penalised = search.criteria.penalised
-    good = [t for t in good if not any(brings_nothing(t, o, search.criteria) for o in good)]
-    least = min(penalised(t.fit) for t in good)
-    for t in good:
-        rule, behind = "cost above the likeliest candidate's, less than", penalised(t.fit) - least
-        search.trace.append(Decision("fit", t.name, rule, behind, TRIALS.near, behind < TRIALS.near))
-    near = [with_times(search, t) for t in good if penalised(t.fit) < least + TRIALS.near]
-    least = min(penalised(t.fit) for t in near)
-    level = [t for t in near if penalised(t.fit) < least + TRIALS.level]
-    return min(level, key=lambda t: (t.numbers, t.name))
-
-
-def _add(search: Search, current: Fit, seen: Sequence[Scored]) -> list[Tried]:
-    """Return fits with the candidates of the highest scores, and with drags along the same axis as the best.
-
-    A score only predicts a gain. A candidate whose fit gains much less does not use up one of the trials.
-    """
-    criteria, model = search.criteria, current.problem.model
-    asked = [TRIALS.promised * (criteria.least + criteria.each * len(s.parts)) for s in seen]
-    worthy = [s for s, gain in zip(seen, asked, strict=True) if s.allowed and s.gain > gain]
-    if not worthy:
-        return []
-    found: list[Tried] = []
-    best: tuple[Scored, Tried] | None = None  # the best score that a fit confirms
-    overrated = 0
-    for s in worthy:
-        if len(found) >= criteria.tries + overrated or overrated > criteria.tries:
-            break
-        if best is not None and not _nearly_as_good(s, *best, criteria):
+    criteria, found = search.criteria, list[Added]()
+    least, best, broken = TRIALS.promised * criteria.least, 0.0, 0
+    alone = singles(scores)
+    for one in alone:
+        s, asked = one.members[0], max(least, criteria.share * best)
+        rule, worthy = "gain on left-out blocks, at least", one.gain >= asked
+        search.trace.append(Decision("score", one.names[0], rule, one.gain, asked, worthy))
+        same = any(a.last.effect.twin(s.candidate.trial) for a in found)
+        if not worthy or same or len(found) >= criteria.tries + broken or broken > criteria.tries:
             continue
-        s = at_its_time(current, s)
-        e = s.effect
-        if any(t.effect.twin(e) for t in found):
-            continue
-        search.report(f"trying {e.name}")
-        t = try_effect(search, current, e, s)
-        found += [t] if t else []
-        if t is None or falls_short(t, s):
-            overrated += 1
-        else:
-            best = best or (s, t)
-    top = best[0] if best else worthy[0]
-    done = {t.name for t in found}
-    for s in seen:
-        if s.candidate.trial.kin(top.candidate.trial) and s.candidate.name not in done:
-            search.report(f"trying {s.candidate.name}")
-            t = try_effect(search, current, sized(model, s.effect), s)
-            found += [t] if t else []
-    return found
+        added = _added_in_turn(search, current, one.members)
+        found += [added] if added else []
+        kept = added is not None and added.last.gain >= TRIALS.half * one.gain
+        broken += not kept
+        best = max(best, one.gain) if kept else best
+    several = together(scores, alone, criteria, most) if best else None
+    added = _added_in_turn(search, current, several.members) if several else None
+    return [*found, *([added] if added else [])]
 
 
-def _nearly_as_good(s: Scored, top: Scored, fitted: Tried, criteria: Criteria) -> bool:
-    """Return whether a candidate may fit as well as the best one, judged by its score."""
-    if s.candidate.trial.kin(top.candidate.trial):
-        return s.gain > criteria.share * top.gain
-    return s.gain > (criteria.alike if explained(fitted) else criteria.share) * top.gain
+def _added_in_turn(search: Search, current: Fit, members: Sequence[Scored]) -> Added | None:
+    """Return the fit with the members of a set added one after the other, the best first."""
+    earlier: list[Tried] = []
+    before = current
+    for k, s in enumerate(members):
+        e = at_its_time(before, s) if k == 0 else s
+        t = search.once(before, e.effect, e) if k == 0 else try_effect(search, before, e.effect)
+        if t is None:
+            return None
+        if k == len(members) - 1:
+            return Added(tuple(earlier), before, t)
+        earlier.append(t)
+        before = t.fit
+    return None
+
+
+def _likeliest(search: Search, found: Sequence[Added], looked_at: int) -> Added | None:
+    """Return the likeliest of the sets whose last effect passes all tests, each fitted with its own noise.
+
+    Ties must not depend on rounding: of sets with equal cost, the one with fewer parameters is returned, then
+    the first by name.
+    """
+    criteria, penalised = search.criteria, search.criteria.penalised
+    known = [a.last for a in found if passes(a.last, looked_at, criteria)]
+    found = [replace(a, among=among(search, a.last, known, looked_at)) for a in found]
+    good = [a for a in found if noted(search, a.last, a.among)]
+    good = [a for a in good if not any(brings_nothing(a.last, o.last, criteria) for o in good)]
+    if not good:
+        return None
+    least = min(penalised(a.last.fit) for a in good)
+    for a in good:
+        rule, behind = "cost above the likeliest candidate's, less than", penalised(a.last.fit) - least
+        search.trace.append(Decision("fit", a.last.name, rule, behind, TRIALS.near, behind < TRIALS.near))
+    near = [a for a in good if penalised(a.last.fit) < least + TRIALS.near]
+    near = [replace(a, last=with_times(search, a.last)) for a in near]
+    least = min(penalised(a.last.fit) for a in near)
+    level = [a for a in near if penalised(a.last.fit) < least + TRIALS.level]
+    return min(level, key=lambda a: (len(a.last.fit.p), a.last.name))

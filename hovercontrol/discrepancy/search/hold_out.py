@@ -11,9 +11,9 @@ from hovercontrol.discrepancy.evidence.holdout import Gained, Horizons, ahead, g
 from hovercontrol.discrepancy.evidence.of_effects import Evidence
 from hovercontrol.discrepancy.evidence.sensors import only_noise
 from hovercontrol.discrepancy.search.confirm import Rival, Selection
+from hovercontrol.discrepancy.search.fit import Tried
 from hovercontrol.discrepancy.search.leads import Lead
 from hovercontrol.discrepancy.search.trace import Decision
-from hovercontrol.discrepancy.search.trial import Tried
 from hovercontrol.estimation.data import Data
 from hovercontrol.estimation.fit import Fit
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -10,7 +9,6 @@ import numpy as np
 
 from hovercontrol.discrepancy.criteria import Criteria
 from hovercontrol.discrepancy.evidence.blocks import Blocks, agreement
-from hovercontrol.discrepancy.evidence.sensors import only_noise
 from hovercontrol.discrepancy.search.score import Scored, likelier_time
 from hovercontrol.discrepancy.search.trace import Decision
 from hovercontrol.effects import Effect
@@ -92,6 +90,17 @@ class Search:
     criteria: Criteria
     report: Callable[[str], None]
     trace: list[Decision] = field(default_factory=list)
+    made: list[tuple[Fit, Tried | None, str]] = field(default_factory=list)
+
+    def once(self, current: Fit, e: Effect, scored: Scored) -> Tried | None:
+        """Return the fit with an effect; a fit that was made from here before is not made again."""
+        for before, t, name in self.made:
+            if before is current and name == e.name:
+                return t
+        self.report(f"trying {e.name}")
+        t = try_effect(self, current, e, scored)
+        self.made.append((current, t, e.name))
+        return t
 
     def fit(self, near: Fit, model: Subject, times: bool = False) -> Fit:
         """Fit a model from the end of another fit; `times`: fit the noise's correlation times as well."""
@@ -101,59 +110,6 @@ class Search:
             return refit(near, problem, prior, times=times)
         except FloatingPointError:  # the removed effect kept the path near the logs; restart
             return estimate(problem, prior, first_noise(problem), times=times)
-
-
-def passes(t: Tried, looked_at: int, criteria: Criteria) -> bool:
-    """Return whether an effect passes all tests: gain, agreement of blocks, the same size in all blocks."""
-    return not why_not(t, looked_at, criteria)
-
-
-def why_not(t: Tried, looked_at: int, criteria: Criteria) -> str:
-    """Return the reason why an effect is not named; empty if it may be named."""
-    return next((reason for row, reason in tested(t, looked_at, criteria) if not row.passed), "")
-
-
-def tested(t: Tried, looked_at: int, criteria: Criteria) -> list[tuple[Decision, str]]:
-    """Return the tests of an effect, each with the reason to tell if it fails.
-
-    Where the fit with the effect leaves only noise, likelihood alone decides. Where something else remains,
-    the effect could stand for a part of it, so blocks must also agree on its sign and size.
-
-    Parameters
-    ----------
-    t : Tried
-    looked_at : int
-        Number of candidates among which it was chosen.
-    criteria : Criteria
-    """
-    b, left = t.blocks, not only_noise(t.fit, criteria)
-
-    def row(rule: str, value: float, limit: float, passed: bool, reason: str) -> tuple[Decision, str]:
-        return Decision("confirm", t.name, rule, float(value), float(limit), bool(passed)), reason
-
-    asked = criteria.least + criteria.each * t.numbers
-    reason = f"gains {t.gain:.3g} in twice the log likelihood, {asked:g} are asked for"
-    rows = [row("gain in twice the log likelihood, at least", t.gain, asked, t.gain >= asked, reason)]
-    if not left:
-        return rows
-    if t.effect.flexible:
-        rule = "an effect of many numbers must leave only noise"
-        rows.append(row(rule, math.nan, math.nan, False, "its many numbers do not explain all"))
-    p, spread = criteria.level / max(looked_at, 1), criteria.spread(looked_at)
-    reason = f"blocks of the logs do not agree on it (t = {b.t:.1f}, {b.same_sign} of {b.n} with its sign)"
-    rows.append(row("p-value of its size over blocks, at most", b.p_value, p, b.p_value <= p, reason))
-    if b.n >= criteria.blocks:
-        reason = f"its size differs from block to block by {100 * b.spread:.0f} %"
-        rule = "spread of its size from block to block, at most"
-        rows.append(row(rule, b.spread, spread, b.spread <= spread, reason))
-    return rows
-
-
-def noted(search: Search, t: Tried, looked_at: int) -> bool:
-    """Return whether an effect passes all tests, each of which becomes a row of the trace."""
-    rows = [row for row, _ in tested(t, looked_at, search.criteria)]
-    search.trace.extend(rows)
-    return all(row.passed for row in rows)
 
 
 def falls_short(t: Tried, scored: Scored) -> bool:
@@ -283,29 +239,6 @@ def with_times(search: Search, t: Tried) -> Tried:
         return t
     fit = search.fit(t.fit, t.fit.model, times=True)
     return replace(t, fit=fit, gain=t.gain + t.fit.cost - fit.cost)
-
-
-def sized(model: Subject, e: Effect) -> Effect:
-    """Return a drag of at least half the size of the model's own along its axis, in the same unit.
-
-    Near standstill dry friction hides a drag from the score, so the model's own drag sets the size.
-    """
-    own = [o for o in model.effects if o.kin(e) and "value" in o.numbers and "value" in e.numbers]
-    alike = [o for o in own if o.numbers["value"].unit == e.numbers["value"].unit]
-    if not alike:
-        return e
-    value = max(abs(e.values["value"]), 0.5 * max(abs(o.values["value"]) for o in alike))
-    return e.within_bounds(**{**e.values, "value": value})
-
-
-def explained(t: Tried) -> bool:
-    """Whether an effect leaves process noise of at most 2 % of the acceleration in every equation."""
-    return bool(np.all(t.fit.noise.process <= 0.02 * t.fit.problem.accelerations))
-
-
-def brings_nothing(t: Tried, simpler: Tried, criteria: Criteria) -> bool:
-    """Whether an effect of many numbers contains a simpler one that leaves only noise."""
-    return t.effect.flexible and t.effect.becomes(simpler.effect) and only_noise(simpler.fit, criteria)
 
 
 def beside(fit: Fit, less: Fit, name: str) -> Tried:
