@@ -239,7 +239,7 @@ def test_wrong_numbers_are_refused(options, text):
 
 
 def test_an_input_passes_one_actuator():
-    with pytest.raises(InputError, match="'F' passes an actuator already"):
+    with pytest.raises(InputError, match="'F' already has an actuator"):
         actuated(actuated(cart()), lag=0.1)
 
 
