@@ -29,7 +29,9 @@ def check(
     model: given.ModelFile = None,
     vehicle: Annotated[
         str | None,
-        typer.Option("--vehicle", help="A built-in craft instead of --model; with neither, no trial fit."),
+        typer.Option(
+            "--vehicle", help="A built-in craft instead of --model; without either, no trial fit is made."
+        ),
     ] = None,
     params: given.Params = None,
     columns: given.Columns = "",
@@ -59,7 +61,7 @@ def check(
     check_folder(out)
     given.refuse_twice("check", logs)
     if params and not (model or vehicle):
-        raise InputError("check: --params are of a model; expected --model or --vehicle as well")
+        raise InputError("check: --params belongs to a model; expected --model or --vehicle as well")
     known = given.model_of("check", model, vehicle, params) if model or vehicle else None
     inputs = [s.name for s in known.plant(late=True).inputs] if known else []
     if not columns and (topics := topics_of(logs, inputs, model, vehicle)):

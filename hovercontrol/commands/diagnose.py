@@ -24,13 +24,13 @@ def diagnose(
     vehicle: given.Vehicle = None,
     params: given.Params = None,
     holdout: given.Holdout = None,
-    effects: Annotated[
-        str, typer.Option(help="Effects to look for, separated by commas (default: all).")
-    ] = "",
-    max_effects: Annotated[int, typer.Option(help="Largest number of effects to add.", min=1)] = 3,
+    effects: Annotated[str, typer.Option(help="Candidate effects, separated by commas (default: all).")] = "",
+    max_effects: Annotated[
+        int, typer.Option(help="Largest number of effects to add to the model.", min=1)
+    ] = 3,
     seed: Annotated[
         int,
-        typer.Option(help="Seed of the random manoeuvres among which the next experiment is chosen.", min=0),
+        typer.Option(help="Seed of the random manoeuvres for the next experiment.", min=0),
     ] = 0,
     columns: given.Columns = "",
     bench: given.Bench = None,

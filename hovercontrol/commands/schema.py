@@ -11,7 +11,9 @@ EXAMPLE = "Example: hovercontrol schema model > model.schema.json"
 
 
 def schema(
-    kind: Annotated[str, typer.Argument(help="result (of diagnose), model or scenario (TOML files).")],
+    kind: Annotated[
+        str, typer.Argument(help="Format: result (of diagnose), model or scenario (TOML files).")
+    ],
 ) -> int:
     """Print the JSON Schema of result.json, of model files or of scenario files.
 

@@ -64,5 +64,5 @@ def _where(error: Exception, hook: Callable[..., Any]) -> str:
 
 def _why(error: Exception) -> str:
     if isinstance(error, AttributeError) and isinstance(getattr(error.obj, "__dict__", None), dict):
-        return f"there is no {error.name!r} here{did_you_mean(error.name, vars(error.obj))}"
+        return f"{error.name!r} does not exist here{did_you_mean(error.name, vars(error.obj))}"
     return f"{type(error).__name__}: {error}"

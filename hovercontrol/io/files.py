@@ -71,7 +71,7 @@ def readable(path: str | Path, wanted: str = "a file") -> Path:
     except (OSError, ValueError, RuntimeError) as error:  # a NUL in the name; a circle of links; too long
         raise InputError(f"{shortened(file)}: expected {wanted}: {reason(error)}") from None
     if not stat.S_ISREG(mode):
-        found = "a folder" if stat.S_ISDIR(mode) else "no regular file"
+        found = "a folder" if stat.S_ISDIR(mode) else "not a regular file"
         raise InputError(f"{file}: expected {wanted}, found {found}")
     return file
 

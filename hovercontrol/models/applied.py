@@ -43,6 +43,6 @@ def applied_inputs(block: Block, plant: Block) -> Block:
     swap = {s.name: f"{s.name}{APPLIED}" for s in block.inputs if f"{s.name}{APPLIED}" in told}
     if not swap:
         raise InputError(
-            plant.where(f"it has no applied command that is an input of {block.name!r} takes; see actuated()")
+            plant.where(f"it has no applied command that is an input of {block.name!r}; see actuated()")
         )
     return rename(block, swap)

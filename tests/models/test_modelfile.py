@@ -168,7 +168,7 @@ def test_a_commands_lower_limit_may_lie_above_zero():
             "'thrust_lag' and 'fan_lag' are the same: keep one",
         ),
         ("[effects\n", "not readable as TOML.*line 1"),
-        ("[effects]\nthrust = 1\nthrust = 2\n", "not readable as TOML.*line 3.*: 'thrust' is there twice"),
+        ("[effects]\nthrust = 1\nthrust = 2\n", "not readable as TOML.*line 3.*: 'thrust' occurs twice"),
         ("[effects]\nthrust = 0,75\n", "line 2.*: expected a decimal point, found a comma"),
     ],
 )
