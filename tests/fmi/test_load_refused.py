@@ -64,7 +64,7 @@ def test_an_fmu_for_other_uses_or_platforms_is_refused(fmu, library, tmp_path, f
         ('fmiVersion="2.0"', 'fmiVersion="1.0"', "is an FMU of FMI 1.0; expected FMI 2.0 or 3.0"),
         ('fmiVersion="2.0"', "", "is not an FMI model description"),
         ("fmiModelDescription", "somethingElse", "is not an FMI model description"),
-        ("</ModelVariables>", "", "modelDescription.xml is no XML: mismatched tag: line"),
+        ("</ModelVariables>", "", "modelDescription.xml is not XML: mismatched tag: line"),
         ('causality="output"', 'causality="outcome"', r"violates FMI 2.0: ERROR \(line .*outcome"),
         ('valueReference="10"', 'valueReference="-1"', "violates FMI 2.0"),
         ('name="x"', 'name="u"', "violates FMI 2.0: .*not unique"),
