@@ -243,13 +243,13 @@ def test_a_directory_larger_than_any_fmus_is_not_read(path):
     with open(path, "wb") as file:
         file.seek(size)  # a sparse file: a directory of 200 MiB
         file.write(data[end : end + 12] + struct.pack("<II", size, 0) + b"\0\0")
-    assert f"no FMU: a directory of {size} bytes" in refused(path)
+    assert f"not an FMU: a directory of {size} bytes" in refused(path)
 
 
 def test_what_is_no_archive_is_said(path, tmp_path):
     for data in (b"", b"no archive", pack(path, "a").read_bytes()[:-10], b"PK\x05\x06" + b"\xff" * 18):
         path.write_bytes(data)
-        assert "no FMU: " in refused(path)
+        assert "not an FMU: " in refused(path)
     with pytest.raises(InputError, match=r"nothing\.fmu cannot be read: No such file"):
         load(tmp_path / "nothing.fmu")
     with pytest.raises(InputError, match="is not a file"):
