@@ -46,8 +46,8 @@ rudder = {lower = -0.45, upper = 0.45}  # rad
 _FANS = """
 [fans]                                # place [m] from the centre of mass (x forward, y left), direction
 # of push [rad] from forward, counter-clockwise. The input of a fan has its name. It is the force [N] or, with
-a # static curve, its signal s: curve = [0.03, 1.05, -0.43] (N per s, s^2, s^3), or points of a bench # curve
-= {signal = [0.0, 0.5, 1.0], force = [0.0, 0.1, 0.4]}. gain = 1.0 adds a coefficient to fit.
+# a static curve, its signal s: curve = [0.03, 1.05, -0.43] (N per s, s^2, s^3), or points of a bench
+# curve = {signal = [0.0, 0.5, 1.0], force = [0.0, 0.1, 0.4]}. gain = 1.0 adds a coefficient to fit.
 """
 
 _BLOCK = '''\
