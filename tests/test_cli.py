@@ -155,7 +155,7 @@ def test_a_training_log_under_another_spelling_is_no_hold_out(call, tmp_path, tr
     (tmp_path / "out").mkdir()
     done = call("identify", training, "--holdout", holdout, cwd=tmp_path)
     assert done.returncode == 2
-    assert f"{holdout} is given twice (as {training}); a held-out log is not in the fit" in done.stderr
+    assert f"{holdout} is given twice (as {training}); a held-out log must not be in the fit" in done.stderr
 
 
 def test_a_rudder_in_degrees_is_one_line(call, tmp_path):
@@ -194,7 +194,7 @@ def test_slips_with_files_are_told(call, tmp_path):
         ),
         (
             ("diagnose", "run.csv", "--holdout", "--model", "raft.toml"),
-            "found --model: the option before it lacks",
+            "found --model: does the option before it lack",
         ),
     ):
         done = call(*words, cwd=tmp_path)

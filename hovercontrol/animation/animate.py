@@ -1,4 +1,4 @@
-"""``hc.animate``: a run as a moving picture of the craft from above."""
+"""``hc.animate``: a run as an animation of the craft from above."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def animate(
     forces: bool = True,
     progress: Callable[[float], None] | None = None,
 ) -> Animation:
-    """Return the motion of a craft as an animation, and write it to a file where a path is given.
+    """Return the motion of a craft as an animation, and write it to a file if a path is given.
 
     The craft is drawn as an outline with its bow, the path behind it, the point to follow if the run holds
     ``x_ref`` and ``y_ref`` (or ``goal_x_ref``, ``goal_y_ref``), forces as arrows, and time and body

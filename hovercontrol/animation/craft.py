@@ -1,4 +1,4 @@
-"""How a craft looks from above: its outline, and arrows of the forces that its commands ask for."""
+"""The drawing of a craft from above: its outline, and arrows of the forces of its commands."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Arrow:
 
 @dataclass(frozen=True, eq=False)
 class Craft:
-    """What is drawn of a craft.
+    """The drawing of a craft.
 
     Attributes
     ----------

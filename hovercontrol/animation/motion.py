@@ -1,4 +1,4 @@
-"""Pose, velocities and commands of a craft over time, taken from whatever holds a run."""
+"""Pose, velocities and commands of a craft over time, from a run of any kind."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Motion:
     reference : dict of str to ndarray (n,)
         ``x`` and ``y`` [m] of the point to follow, if the run holds one.
     goal : bool
-        Whether that point is a place to go to and no path.
+        Whether that point is a fixed goal, not a path.
     commands : dict of str to ndarray (n,)
         Every other signal; it holds from one time to the next.
     model : Model or None

@@ -1,4 +1,4 @@
-"""An animation as one HTML page without any other file: a canvas, a slider, and the motion as numbers."""
+"""An animation as one self-contained HTML page: a canvas, a slider, and the motion as numbers."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def page(motion: Motion, craft: Craft, step: float, speed: float, *, trail: bool
     step : float
         From one time to the next [s].
     speed : float
-        At which it plays at first.
+        Initial speed of the player.
     trail : bool
         Whether the path behind is drawn.
     """
@@ -74,7 +74,7 @@ def page(motion: Motion, craft: Craft, step: float, speed: float, *, trail: bool
 
 
 def note(motion: Motion, craft: Craft) -> str:
-    """Return what the page says below the picture."""
+    """Return the note below the picture."""
     parts = [motion.name]
     if craft.arrows:
         parts.append("arrows: forces on the hull, each ends where it acts")
@@ -84,7 +84,7 @@ def note(motion: Motion, craft: Craft) -> str:
 
 
 def framed(text: str) -> str:
-    """Return a page as a part of another, a notebook perhaps: its scripts reach nothing outside."""
+    """Return a page for embedding, for example in a notebook, with sandboxed scripts."""
     style = f"width:100%;height:{HEIGHT}px;border:0"
     return f'<iframe srcdoc="{escape(text)}" sandbox="allow-scripts" style="{style}"></iframe>'
 

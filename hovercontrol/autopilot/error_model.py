@@ -91,7 +91,7 @@ def error_model(
         name="last_since", description="time since the pulse, at the last tick", start=1e9
     )
     biases = [
-        Signal(f"bias_{key}", unit, "what is left of a bias")
+        Signal(f"bias_{key}", unit, "remaining fraction of a bias")
         for key, unit in (("x", "m/s^2"), ("y", "m/s^2"), ("g", "rad/s"))
     ]
     last = [b.replace(name=f"last_{b.name}") for b in biases]

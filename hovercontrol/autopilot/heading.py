@@ -36,7 +36,7 @@ def nearest_heading(guidance: Block) -> Block:
     # psi_nearest = psi_ref + atan2(sin(psi - psi_ref), cos(psi - psi_ref)).
     psi = MOTION[2]
     off = psi.symbol - HEADING_REF.symbol
-    told = psi.replace(name="psi_nearest", description="heading less whole turns")
+    told = psi.replace(name="psi_nearest", description="heading, whole turns removed")
     turns = Block(
         "whole_turns",
         inputs=(psi, HEADING_REF),

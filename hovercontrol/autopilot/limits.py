@@ -23,7 +23,7 @@ WANTED = tuple(
     s.replace(name=s.name.replace("_command", "_wanted")) for s in (THRUST_COMMAND, FORCE_ANGLE_COMMAND)
 )
 #: 1 if the request is outside the table of fan or servo.
-OUTSIDE = tuple(Signal(f"{key}_outside", "1", "1 where the table is left") for key in ("thrust", "rudder"))
+OUTSIDE = tuple(Signal(f"{key}_outside", "1", "1 outside the table") for key in ("thrust", "rudder"))
 
 
 def fan_ends(tables: tuple[FanTable, FanTable]) -> tuple[float, float]:
@@ -75,8 +75,8 @@ def actuator_limits(
     on = Signal("on", "1", "ends of fan and rudder", start=1.0, modes=("off", "on"))
     ahead = Signal("ahead", "N", "largest force ahead", start=most)
     astern = Signal("astern", "N", "largest force astern", start=-least)
-    right = Signal("angle_lowest", "rad", "least angle of the force", start=sides[0])
-    left = Signal("angle_highest", "rad", "greatest angle of the force", start=sides[1])
+    right = Signal("angle_lowest", "rad", "smallest angle of the force", start=sides[0])
+    left = Signal("angle_highest", "rad", "largest angle of the force", start=sides[1])
     F, a = (s.symbol for s in WANTED)
     kept = {
         THRUST_COMMAND.name: (sp.Max(-astern.symbol, sp.Min(ahead.symbol, F)), F),
@@ -113,7 +113,7 @@ def clip_counters(period: float, *, name: str = "clipping") -> Block:
     commands = (THRUST_COMMAND, FORCE_ANGLE_COMMAND)
     counts, last, definitions = [], [], {}
     for key, want, command, outside in zip(("thrust", "rudder"), WANTED, commands, OUTSIDE, strict=True):
-        text = "ticks so far at which more was wanted than it can do, and was clipped"
+        text = "number of ticks with a clipped command"
         counts.append(Signal(f"{key}_clipped", "1", text, lower=0.0))
         last.append(counts[-1].replace(name=f"last_{key}_clipped"))
         cut = sp.Or(want.symbol < command.symbol, want.symbol > command.symbol, outside.symbol > 0)

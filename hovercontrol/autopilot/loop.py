@@ -184,7 +184,7 @@ def autopilot_parts(
         thruster = reversing_fan(fan, period)
     else:
         if tables is not None:
-            raise InputError("autopilot: tables are those of a fan, not of a variable-pitch propeller")
+            raise InputError("autopilot: tables belong to a fan, not to a variable-pitch propeller")
         _, servo = _tables(None, servo, rudder_loss)
         thruster = variable_pitch(replace(propeller, rudder_loss=rudder_loss), period)
     commands = sent_commands(thruster)
@@ -233,7 +233,7 @@ def _tables(
         return lossy_tables(rudder_loss), servo
     if rudder_loss:
         raise InputError(
-            "autopilot: rudder_loss is one of the stand-in tables; measured tables include their own"
+            "autopilot: rudder_loss belongs to the stand-in tables; measured tables include their own"
         )
     return table_pair(tables, "autopilot: tables"), servo
 

@@ -170,7 +170,7 @@ def check_beacons(where: str, beacons: Beacons, navigation: str) -> None:
         raise InputError(f"{where}: beacons: expected Beacons, found {beacons!r}")
     if navigation not in BY_BEACONS:
         raise InputError(
-            f"{where}: beacons are heard by navigation {' or '.join(map(repr, BY_BEACONS))}, "
+            f"{where}: beacons belong to navigation {' or '.join(map(repr, BY_BEACONS))}, "
             f"found {navigation!r}"
         )
 

@@ -15,7 +15,7 @@ _MOVING = MOTION[3:]
 
 #: Differences between the real and the ideal craft: in each velocity, and in all together.
 GAPS = (
-    *(Signal(f"gap_{s.name}", s.unit, f"{s.description}, real less ideal") for s in _MOVING),
+    *(Signal(f"gap_{s.name}", s.unit, f"{s.description}, real minus ideal") for s in _MOVING),
     Signal("gap", "m/s", "speed with the kinetic energy of the difference in motion"),
 )
 

@@ -76,11 +76,11 @@ def bench_command(
     spin = Signal(
         "half_period",
         "s",
-        "the square wave spins one way",
+        "half period of the square wave",
         start=positive(f"{name}: half_period", half_period),
         lower=1e-3,
     )
-    stand = Signal("rest", "s", "the square wave stands in between", start=rest, lower=0.0)
+    stand = Signal("rest", "s", "standstill between half periods of the square wave", start=rest, lower=0.0)
     f = Signal("frequency", "1/s", "of the sine", start=positive(f"{name}: frequency", frequency), lower=0.0)
     part = sp.Mod(time, 2 * (spin.symbol + stand.symbol))
     turn = spin.symbol + stand.symbol
@@ -165,8 +165,8 @@ def turntable(
         inputs=(_COMMAND,),
         outputs=(
             *MOTION,
-            Signal("specific_force_x", "m/s^2", "what an accelerometer along the tangent feels"),
-            Signal("specific_force_y", "m/s^2", "what an accelerometer to the spin axis feels"),
+            Signal("specific_force_x", "m/s^2", "specific force along the tangent"),
+            Signal("specific_force_y", "m/s^2", "specific force towards the spin axis"),
         ),
         parameters=(radius, slow, lean, gravity, *at),
         derivatives={"psi": r.symbol, "r": turning},

@@ -1,6 +1,6 @@
-"""The pilot in the loop: a craft and K06's laws in real time, flown from a page in the browser.
+"""The pilot in the loop: a craft with K06's laws in real time, controlled from a page in the browser.
 
-Its page is what K06's pilot console [K06 fig B.1] was, its real loop what figure 5.2 shows.
+Its page corresponds to K06's pilot console [K06 fig B.1], its real loop to figure 5.2.
 
 :class:`.loop.Loop` is the ideal craft under a law, :class:`.real_loop.RealLoop` the same through ground
 station, link, navigation and actuators (:func:`.real_block.ground_station`, one hybrid Block); both take

@@ -1,4 +1,4 @@
-"""What the page is told once: the craft, the laws and the disturbances, with units and bounds."""
+"""Constant data of the page: the craft, the laws and the disturbances, with units and bounds."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from hovercontrol.models.vehicles import HOVERDEMON_BODY
 
 
 def about(loop: Flown) -> dict[str, Any]:
-    """Return what the page must know of a loop once: craft, laws, disturbances, with units and bounds."""
+    """Return the constant data of a loop: craft, laws, disturbances, with units and bounds."""
     return {
         "craft": loop.model.name,
         "loop": loop.kind,
@@ -38,7 +38,7 @@ def about(loop: Flown) -> dict[str, Any]:
 
 
 def _drawn_arm(loop: Flown) -> float:
-    """Return the distance from the centre of mass to the stern that the craft is drawn with [m]."""
+    """Return the drawn distance from the centre of mass to the stern [m]."""
     if loop.model.fans:
         return 1.6 * max(abs(f.x) for f in loop.model.fans)
     return HOVERDEMON_BODY.arm if len(loop.choices) > 1 else 0.14  # C17's craft

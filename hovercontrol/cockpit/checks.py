@@ -1,4 +1,4 @@
-"""Numbers that come from a page: each is looked at before the craft is told."""
+"""Checks of numbers from the page."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from hovercontrol.io.tables import finite
 
 
 def checked_number(signal: Signal, value: Any) -> float:
-    """Return a value for a signal.
+    """Return a checked value of a signal.
 
     Raises
     ------
     InputError
-        If it is no number within the signal's bounds.
+        If it is not a number within the signal's bounds.
 
     Examples
     --------
@@ -29,19 +29,19 @@ def checked_number(signal: Signal, value: Any) -> float:
 def checked_numbers(
     what: str, known: Iterable[Signal], before: Mapping[str, float], given: Mapping[str, Any]
 ) -> dict[str, float]:
-    """Return the values before, with those given put in their place.
+    """Return the values, updated by the given ones.
 
     Parameters
     ----------
     what : str
-        What error lines call it.
+        Name in messages.
     before, given : mapping
         By signal's name.
 
     Raises
     ------
     InputError
-        If a name is unknown (the nearest is named), or a value is wrong.
+        If a name is unknown or a value is wrong.
     """
     signals = {s.name: s for s in known}
     for name in given:

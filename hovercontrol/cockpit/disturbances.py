@@ -1,4 +1,4 @@
-"""What the pilot may switch on against the craft: effects of the package, by their coefficients."""
+"""Disturbances that the pilot can switch on: effects of the package, by their coefficients."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from hovercontrol.models.model import Model
 
 @dataclass(frozen=True)
 class Knob:
-    """One number of a disturbance.
+    """A number of a disturbance.
 
     Parameters
     ----------
     signal : Signal
-        Name, unit, the slider's bounds, and the value that holds when it is switched on.
+        Name, unit, bounds of the slider, and the value when it is switched on.
     parameters : tuple of str
-        The plant's parameters that it is added to.
+        The plant's parameters to which it is added.
     """
 
     signal: Signal
@@ -107,7 +107,7 @@ REAL_DISTURBANCES: dict[str, Disturbance] = {
 
 
 def possible(model: Model) -> dict[str, Disturbance]:
-    """Return the disturbances that act on something that a craft has."""
+    """Return the disturbances that can act on a craft."""
     reverses = any(s.name == "thrust" and s.lower < 0 for s in model.plant().inputs)
 
     def acts(name: str) -> bool:
@@ -117,7 +117,7 @@ def possible(model: Model) -> dict[str, Disturbance]:
 
 
 def with_disturbances(model: Model) -> Model:
-    """Return the craft with every effect that a disturbance needs; those it has not had are at zero.
+    """Return the craft with all effects of its disturbances; added effects are zero.
 
     Examples
     --------
@@ -130,9 +130,9 @@ def with_disturbances(model: Model) -> Model:
 
 
 def note(switched_on: Iterable[str], drags: Iterable[float]) -> str:
-    """Return what the pilot should know of what acts on a craft with such drags, or ``""``."""
+    """Return a note to the pilot on the active disturbances, or ``""``."""
     if {"wind", "gusts"} & set(switched_on) and not any(drags):
-        return "Wind and gusts act through air drag, of which this craft has none: switch it on, too."
+        return "Wind and gusts act through air drag, which this craft lacks: switch air drag on as well."
     return ""
 
 

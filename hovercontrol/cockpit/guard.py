@@ -1,4 +1,4 @@
-"""Who may talk to the server: pages that it served itself and, beyond this machine, who knows the token."""
+"""Access to the server: its own pages and, from other machines, only with the token."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ HEADERS = {
 
 
 def is_loopback(host: str) -> bool:
-    """Tell whether an address reaches this machine only.
+    """Return whether an address is reachable from this machine only.
 
     Examples
     --------
@@ -36,14 +36,13 @@ def is_loopback(host: str) -> bool:
 
 
 def guard(token: str) -> Middleware:
-    """Return the middleware that refuses, with 403, who may not talk to the server.
+    """Return the middleware that answers 403 to requests without access.
 
     Parameters
     ----------
     token : str
-        What the address must have (``?token=``; a cookie remembers it); ``""`` on loopback, where instead the
-        name of the server in the request must be one of this machine's: another site's name that points here
-        is refused.
+        Required in the address (``?token=``; stored in a cookie). ``""`` on loopback, where instead the host
+        name in the request must be one of this machine's; other host names that resolve to it are rejected.
 
     Returns
     -------
@@ -61,7 +60,7 @@ def guard(token: str) -> Middleware:
         origin = request.headers.get("Origin")
         changes = request.method != "GET" or request.headers.get("Upgrade", "").lower() == "websocket"
         if changes and origin != f"{request.scheme}://{request.host}":
-            raise web.HTTPForbidden(text="403: another site's page may not fly this craft\n")
+            raise web.HTTPForbidden(text="403: pages of other sites cannot control this craft\n")
         response = await handler(request)
         if not response.prepared:
             response.headers.update(HEADERS)

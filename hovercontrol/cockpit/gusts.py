@@ -1,4 +1,4 @@
-"""Gusts: a wind that comes and goes, drawn anew at each tick."""
+"""Gusts: a random wind, drawn at each tick."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ GUST = (
 
 
 def gusts(*, period: float = 0.02, name: str = "gusts") -> Block:
-    """Return a wind of mean zero whose parts along x and y forget themselves within a second.
+    """Return a wind of mean zero with a correlation time of one second along x and y.
 
     A Gauss-Markov process of first order, exact at its ticks: ``g' = a g + sqrt(1 - a^2) s n`` with
     ``a = exp(-1/ticks)`` and n of variance 1.
@@ -29,7 +29,7 @@ def gusts(*, period: float = 0.02, name: str = "gusts") -> Block:
     -------
     Block
         Sampled. Outputs ``gust_x, gust_y`` [m/s]; parameters ``speed``, their standard deviation s [m/s],
-        ``ticks`` in which a gust fades (those of one second), and ``seed``.
+        ``ticks``, the correlation time in ticks (one second), and ``seed``.
 
     Examples
     --------
@@ -37,8 +37,8 @@ def gusts(*, period: float = 0.02, name: str = "gusts") -> Block:
     ['gusts.seed', 'gusts.speed', 'gusts.ticks']
     """
     noise = random_numbers(2, salt=name)
-    speed = Signal("speed", "m/s", "standard deviation", start=1.0, lower=0.0)
-    ticks = Signal("ticks", "1", "in which a gust fades", start=1.0 / period, lower=1.0)
+    speed = Signal("speed", "m/s", "standard deviation of the gusts", start=1.0, lower=0.0)
+    ticks = Signal("ticks", "1", "correlation time in ticks", start=1.0 / period, lower=1.0)
     states = tuple(s.replace(name=f"{s.name}_held") for s in GUST)
     kept = sp.exp(-1 / ticks.symbol)
     fresh = speed.symbol * sp.sqrt(1 - kept**2)

@@ -1,4 +1,4 @@
-"""What the pilot may choose to fly with: the stick, or one of K06's laws with the gains of its trials."""
+"""Laws that the pilot can choose: the stick, or one of K06's laws with the gains of its trials."""
 
 from __future__ import annotations
 
@@ -33,18 +33,18 @@ STICK = (
 
 @dataclass(frozen=True)
 class Choice:
-    """A law that the pilot may choose.
+    """A law that the pilot can choose.
 
     Parameters
     ----------
     title : str
-        What the page calls it.
+        Name on the page.
     scenario : str
-        The scenario of the package whose gains it takes; ``""`` if it is none of K06's trials.
+        The scenario with its gains; ``""`` if it is not one of K06's trials.
     stick : bool, optional
-        Whether it looks at the stick.
+        Whether it uses the stick.
     references : tuple of Signal, optional
-        What the pilot tells it, with the bounds of the sliders.
+        The references set by the pilot, with the bounds of the sliders.
     """
 
     title: str
@@ -53,7 +53,7 @@ class Choice:
     stick: bool = False
 
 
-_HEADING = HEADING_REF.replace(description="wanted heading", lower=-math.pi, upper=math.pi)
+_HEADING = HEADING_REF.replace(description="heading reference", lower=-math.pi, upper=math.pi)
 _GOAL = (
     GOAL[0].replace(lower=-20.0, upper=20.0),
     GOAL[1].replace(lower=-20.0, upper=20.0),
@@ -76,7 +76,7 @@ CHOICES: dict[str, Choice] = {
 
 
 def choices(model: Model) -> dict[str, Choice]:
-    """Return what a craft can be flown with: K06's laws ask for a force in newton at a rudder."""
+    """Return the laws for a craft: K06's laws need a rudder and a thrust in newton."""
     if {"thrust", "rudder"} <= {s.name for s in model.plant().inputs} and model.thrust.unit == "N":
         return CHOICES
     return {"manual": CHOICES["manual"]}
@@ -94,7 +94,8 @@ def law(key: str, model: Model) -> Block:
     -------
     Block
         Sampled where the law has a guidance, else without states. The references are parameters
-        ``reference.NAME``; the outputs have the plant's inputs among them. The laws believe in K06's craft.
+        ``reference.NAME``; the outputs include the plant's inputs. The laws use the mass and inertia of K06's
+        craft.
 
     Examples
     --------
@@ -109,7 +110,7 @@ def law(key: str, model: Model) -> Block:
 
 
 def force_parts(key: str) -> list[Block]:
-    """Return the Blocks of a law that tell the force it asks for: references, guidance, controller."""
+    """Return the Blocks of a law: references, guidance, controller."""
     from hovercontrol.scenarios import load_scenario
     from hovercontrol.scenarios.parts import loop_parts
 
@@ -122,12 +123,12 @@ def force_parts(key: str) -> list[Block]:
 
 
 def manual(model: Model) -> Block:
-    """Return the stick: forward is thrust, to the right turns the bow to the right when there is thrust.
+    """Return the stick: forward is thrust; right turns the bow to the right while there is thrust.
 
     Parameters
     ----------
     model : Model
-        Full stick is at the bounds of its commands; without bounds at those of K06's force table.
+        Full stick gives the bounds of the commands, or without bounds those of K06's force table.
 
     Returns
     -------
@@ -154,18 +155,18 @@ def manual(model: Model) -> Block:
 
 
 def stick_motion() -> list[Block]:
-    """Return the parts of the law by which the stick tells velocity and turn rate.
+    """Return the parts of the law in which the stick commands velocity or yaw rate.
 
     It is K06's pilot in the loop (chapter 7): the pilot plans the path, and
-    :func:`~hovercontrol.controllers.k06.both_ways` holds what is told, with the gains of K06's
-    trials. Astern it is told only once the craft goes ahead no more: until then it is stopped. K06 has
-    no law for turning while moving, and the ideal craft no such steady motion: told both, it slips;
-    :func:`stick_steering` does both in the mean.
+    :func:`~hovercontrol.controllers.k06.both_ways` follows these commands, with the gains of K06's trials.
+    Reverse is commanded only after the craft has stopped. K06 has no law for turning under way, and the ideal
+    craft has no such steady motion: with both commands it slips. :func:`stick_steering` follows both in the
+    mean.
 
     Returns
     -------
     list of Block
-        What the stick wishes, and the law.
+        Commands of the stick, and the law.
 
     Examples
     --------
@@ -177,7 +178,7 @@ def stick_motion() -> list[Block]:
         Signal("ahead", "m/s", "surge at full stick ahead", start=1.1),
         Signal("astern", "m/s", "surge at full stick back", start=0.76),
         Signal("turning", "rad/s", "yaw rate at full stick aside", start=1.5),
-        Signal("slow", "m/s", "surge below which it may be told to go astern", start=0.15),
+        Signal("slow", "m/s", "surge velocity below which reverse is commanded", start=0.15),
     )
     fast, back, turning, slow = (s.symbol for s in full)
     surge = next(s for s in MOTION if s.name == "u")
@@ -197,15 +198,15 @@ def stick_motion() -> list[Block]:
 
 
 def stick_steering() -> list[Block]:
-    """Return the parts of the law by which the stick tells surge velocity and yaw rate at the same time.
+    """Return the parts of the law in which the stick commands surge velocity and yaw rate together.
 
-    The craft has no sway drag, so that it weaves: both are right in the mean over a weave
-    (:func:`~hovercontrol.guidance.weaving`), 23 s at full stick aside.
+    The craft has no sway drag, so it weaves: both are followed in the mean over a weave
+    (:func:`~hovercontrol.guidance.weaving`), 23 s at full stick to one side.
 
     Returns
     -------
     list of Block
-        What the stick wishes, the weave, and the steering law.
+        Commands of the stick, the weave, and the steering law.
 
     Examples
     --------
@@ -243,7 +244,7 @@ def full_stick(command: Signal) -> float:
 
 
 def _share(fan: Fan, ahead: sp.Expr, right: sp.Expr) -> sp.Expr:
-    """Return a fan's part of its full force: those push that point, or turn, as the stick wants."""
+    """Return a fan's share of its full force: the fans that push or turn in the stick's direction run."""
     turning = sp.sign(fan.lever_arm("manual").start)
     return sp.Min(1, sp.Max(0, round(math.cos(fan.direction)) * ahead - turning * right))
 

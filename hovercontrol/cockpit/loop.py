@@ -1,4 +1,4 @@
-"""The craft under a law, tick by tick: what the pilot commands, and what there is to see."""
+"""The ideal loop, tick by tick: the pilot's commands and the displayed signals."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ _GUSTS = tuple(s.name for s in GUST)
 
 
 class Loop(Flown):
-    """The ideal loop: commands take effect at once, the law sees what the model's sensors measure.
+    """The ideal loop: commands act at once, and the law uses the model's measurements.
 
-    Its commands are held for the tick, limited to the bounds of the plant's inputs.
+    Its commands are constant over a tick, limited to the bounds of the plant's inputs.
 
     Raises
     ------
     InputError
-        If the model has an effect that no equation says (a delay).
+        If the model has an effect that is not an equation (a delay).
 
     Examples
     --------
@@ -61,7 +61,7 @@ class Loop(Flown):
         self.reset()
 
     def reset(self) -> None:
-        """Put the craft where it started, at rest and at time 0; law, references, disturbances stay."""
+        """Put the craft at its start, at rest and at time 0; law, references and disturbances are kept."""
         self._count = self._next_gust = 0
         self._state = [s.start for s in self._plant.states]
         self._gusts = Ticking(self._gust_block, {"gusts.speed": self._gust_speed()})
@@ -77,16 +77,16 @@ class Loop(Flown):
         return round(self._count * TICK, 9)
 
     def modes(self) -> dict[str, tuple[str, ...]]:
-        """Return the names of the modes that the present law tells, by signal."""
+        """Return the names of the modes of the present law, by signal."""
         return {s.name: s.modes for s in self._blocks[self.law].outputs if s.modes}
 
     def advance(self, until: float) -> None:
-        """Let simulated time go on to `until` [s], a multiple of the tick.
+        """Advance simulated time to `until` [s], a multiple of the tick.
 
         Raises
         ------
         InputError
-            If the motion is no longer a number.
+            If the motion is not a number any more.
         """
         last = round(until / TICK)
         while self._count < last:
@@ -100,14 +100,14 @@ class Loop(Flown):
             raise InputError(f"the craft's motion is no longer a number at {self.time:.2f} s: reset it")
 
     def signals(self) -> dict[str, float]:
-        """Return what there is to see now, by name, in SI units.
+        """Return the displayed signals by name, in SI units.
 
         Returns
         -------
         dict of str to float
-            ``time``; the motion, and ``..._measured`` where a sensor sees it otherwise; the commands that
-            hold from now on; what the law tells besides (``surge_ref``, ``mode``); ``wind_x, wind_y`` [m/s]
-            with its gusts, earth frame; and ``energy`` [J] of K06's craft.
+            ``time``; the motion, and ``..._measured`` where a measurement differs; the present commands;
+            further outputs of the law (``surge_ref``, ``mode``); ``wind_x, wind_y`` [m/s] with its gusts,
+            earth frame; and ``energy`` [J] of K06's craft.
         """
         self._tick()
         seen = self._outputs()
@@ -118,7 +118,7 @@ class Loop(Flown):
         return found
 
     def notes(self) -> str:
-        """Return what the pilot should know of the disturbances, or ``""``."""
+        """Return notes to the pilot on the disturbances, or ``""``."""
         drags = (self._values[self._places[f"plant.{axis}_linear_drag"]] for axis in ("surge", "sway"))
         return note(self.switched_on, drags)
 
@@ -141,7 +141,7 @@ class Loop(Flown):
         return dict(zip([s.name for s in self._plant.outputs], values, strict=True))
 
     def _tick(self) -> None:
-        """Let everything sampled take its step, once at an instant."""
+        """Step all sampled parts, once at an instant."""
         if self._fresh:
             return
         if "gusts" in self.switched_on and self._count >= self._next_gust:

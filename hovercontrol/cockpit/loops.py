@@ -1,4 +1,4 @@
-"""The ideal loop and the real one of a craft: each built when it is first flown, in a thread of its own."""
+"""The ideal and the real loop of a craft, each built on first use in a separate thread."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def loop_of(kind: str, model: Model) -> Flown:
     Raises
     ------
     InputError
-        If there is no such loop (the nearest is named), or the craft cannot fly it.
+        If there is no such loop, or the craft does not suit it.
 
     Examples
     --------
@@ -35,17 +35,17 @@ def loop_of(kind: str, model: Model) -> Flown:
 
 
 class Loops:
-    """The loops that a pacer may let fly.
+    """The loops of a pacer.
 
     Parameters
     ----------
     pacer : Pacer
-        Its craft is that of all loops.
+        Its craft is used in all loops.
 
     Attributes
     ----------
     building : bool
-        Whether one is being built now.
+        Whether a loop is being built.
     """
 
     def __init__(self, pacer: Pacer) -> None:
@@ -54,7 +54,7 @@ class Loops:
         self.building = False
 
     async def fly(self, kind: str) -> None:
-        """Let another loop fly; time stands still while it is built.
+        """Switch to another loop; time stands still while it is built.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""What the page may say to the server, checked as a whole before any of it acts."""
+"""Messages from the page, validated as a whole before they act."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ _ORDERS = {
 
 
 def check_message(message: dict[str, Any]) -> None:
-    """Refuse a message before any of it acts: of what is refused nothing is heard.
+    """Validate a message before any part of it acts.
 
     Raises
     ------
     InputError
-        If it holds something unknown (the nearest is named) or of another type.
+        If it has unknown keys or values of a wrong type.
     """
     for key, value in message.items():
         if key not in _ORDERS:

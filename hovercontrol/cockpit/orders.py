@@ -1,4 +1,4 @@
-"""What the pilot orders, checked before anything is told: the same for the ideal loop and the real one."""
+"""Pilot commands, validated before they are applied; the same for the ideal and the real loop."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from hovercontrol.models.model import Model
 
 
 class Flown(ABC):
-    """A craft in the loop with what the pilot chose to fly it with; simulated time, no clock on the wall.
+    """A craft in the loop with the pilot's choices, in simulated time.
 
     Parameters
     ----------
     model : Model
-        With the effects that disturbances need.
+        The craft with the effects of disturbances.
     switches : mapping of str to bool, optional
-        What can be switched besides, and how it is at first.
+        Further switches and their initial values.
 
     Attributes
     ----------
@@ -34,9 +34,9 @@ class Flown(ABC):
     law : str
         Key of the present choice.
     references : dict of str to dict of str to float
-        What each law is told, by its key.
+        References of each law, by its key.
     switched_on : dict of str to dict of str to float
-        The numbers of the disturbances that act.
+        Numbers of the active disturbances.
     stick : tuple of float
         Forward, to the right.
     switches : dict of str to bool
@@ -68,29 +68,29 @@ class Flown(ABC):
 
     @abstractmethod
     def reset(self) -> None:
-        """Put the craft where it started, at rest and at time 0; law, references, disturbances stay."""
+        """Put the craft at its start, at rest and at time 0; law, references and disturbances are kept."""
 
     @abstractmethod
     def advance(self, until: float) -> None:
-        """Let simulated time go on to `until` [s], a multiple of 1 ms.
+        """Advance simulated time to `until` [s], a multiple of 1 ms.
 
         Raises
         ------
         InputError
-            If the motion is no longer a number.
+            If the motion is not a number any more.
         """
 
     @abstractmethod
     def signals(self) -> dict[str, float]:
-        """Return what there is to see now, by name, in SI units."""
+        """Return the displayed signals by name, in SI units."""
 
     @abstractmethod
     def modes(self) -> dict[str, tuple[str, ...]]:
-        """Return the names of the modes that the present law tells, by signal."""
+        """Return the names of the modes of the present law, by signal."""
 
     @abstractmethod
     def notes(self) -> str:
-        """Return what the pilot should know of what acts, or ``""``."""
+        """Return notes to the pilot on active disturbances, or ``""``."""
 
     def command(
         self,
@@ -101,14 +101,15 @@ class Flown(ABC):
         disturbances: Mapping[str, Mapping[str, Any] | None] | None = None,
         switches: Mapping[str, Any] | None = None,
     ) -> None:
-        """Tell the loop what the pilot wants from now on; all of it or, if wrong, nothing.
+        """Apply the pilot's commands; if one is wrong, none is applied.
 
         Parameters
         ----------
         law : str, optional
             Key of one of the choices. The motion of the craft goes on as it is.
         references : mapping of str to float, optional
-            Of that law, by name (``surge_ref``); SI units. A wanted heading is taken as the nearest turn.
+            References of that law, by name (``surge_ref``), in SI units. A heading is reached by the shorter
+            turn.
         stick : tuple of float, optional
             Forward and to the right, -1 to 1; only the laws ``manual``, ``motion`` and ``steer`` look at it.
         disturbances : mapping, optional
@@ -119,7 +120,7 @@ class Flown(ABC):
         Raises
         ------
         InputError
-            If a name is unknown (the nearest is named) or a value is no number within its bounds.
+            If a name is unknown, or a value is not a number within its bounds.
         """
         key = self.law if law is None else str(law)
         if key not in self.choices:
@@ -140,7 +141,7 @@ class Flown(ABC):
 
     @abstractmethod
     def _obey(self, law: bool, references: bool, disturbances: bool, switched: Mapping[str, bool]) -> None:
-        """Let orders act that were checked: whether another law, references or disturbances were told."""
+        """Apply validated commands, with flags for a new law, references or disturbances."""
 
     def _checked_disturbances(
         self, given: Mapping[str, Mapping[str, Any] | None]

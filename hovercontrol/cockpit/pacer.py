@@ -1,4 +1,4 @@
-"""Real time: a thread that lets the loop go on with the clock on the wall, and watches over the pilot."""
+"""Real time: a thread that advances the loop with the clock and supervises the pilot's connection."""
 
 from __future__ import annotations
 
@@ -36,8 +36,8 @@ class Pacer:
 
     Notes
     -----
-    The simulation never runs after lost time: where the machine is too slow the clock on the wall is set
-    anew, and ``factor`` says how much of real time is left.
+    The simulation never catches up on lost time: on a slow machine the reference of the clock is shifted, and
+    ``factor`` is the achieved fraction of real time.
     """
 
     def __init__(self, loop: Flown) -> None:
@@ -58,7 +58,7 @@ class Pacer:
     # ---- what the server says ------------------------------------------------------------------------
 
     def start(self) -> None:
-        """Begin; time stands still until :meth:`pause` says otherwise."""
+        """Start the thread; time stands still until :meth:`pause`."""
         self._thread.start()
 
     def stop(self) -> None:
@@ -68,12 +68,12 @@ class Pacer:
             self._thread.join()
 
     def heard(self, stick: tuple[Any, Any]) -> None:
-        """Take the stick as it is; that the pilot's browser is there is known by it.
+        """Set the stick; this also shows that the pilot's browser is connected.
 
         Raises
         ------
         InputError
-            If the stick is no pair of numbers from -1 to 1: then nothing was heard.
+            If the stick is not a pair of numbers from -1 to 1; it is then unchanged.
         """
         with self._lock:
             self.loop.command(stick=stick)
@@ -81,13 +81,13 @@ class Pacer:
             self._heard = time.monotonic()
 
     def left(self) -> None:
-        """Say that the pilot's browser is gone: commands go to zero."""
+        """Report that the pilot's browser has left: commands go to zero."""
         with self._lock:
             if self._heard is not None:
                 self._release("The browser left: commands were set to zero.")
 
     def command(self, **orders: Any) -> None:
-        """Tell the loop what the pilot wants, see :meth:`.orders.Flown.command`; heard as a stick is."""
+        """Apply the pilot's commands, see :meth:`.orders.Flown.command`; a sign of life, like the stick."""
         with self._lock:
             self.loop.command(**orders)
             if any(orders.values()):  # an order that orders nothing may come from nobody
@@ -96,7 +96,7 @@ class Pacer:
             self._tell()
 
     def pause(self, paused: bool) -> None:
-        """Let time stand still, or go on; silence is counted while it goes on."""
+        """Stop or continue time; silence of the browser counts while time goes on."""
         with self._lock:
             if paused != self._paused:
                 self._paused, now = paused, time.monotonic()
@@ -108,7 +108,7 @@ class Pacer:
             self._tell()
 
     def reset(self) -> None:
-        """Put the craft back to the start; a recording ends there."""
+        """Put the craft back to its start; this ends a recording."""
         with self._lock:
             self._end_recording()
             self.loop.reset()
@@ -117,7 +117,7 @@ class Pacer:
             self._tell()
 
     def fly(self, loop: Flown) -> None:
-        """Let another loop fly from its start, under the same law; a recording ends there."""
+        """Switch to another loop at its start, under the same law; this ends a recording."""
         with self._lock:
             self._end_recording()
             loop.reset()
@@ -127,7 +127,7 @@ class Pacer:
             self._tell()
 
     def record(self, on: bool) -> None:
-        """Begin a recording, or end it; :meth:`finished` has it then."""
+        """Begin a recording, or end it; :meth:`finished` then returns it."""
         with self._lock:
             if on and self._recorder is None:
                 self._recorder = Recorder([s.name for s in self.loop.inputs], self.loop.logged)
@@ -136,14 +136,14 @@ class Pacer:
             self._tell()
 
     def finished(self) -> list[Recorder]:
-        """Return the recordings that have ended, each once."""
+        """Return the finished recordings, each once."""
         with self._lock:
             done, self._finished = self._finished, []
         return done
 
     @property
     def state(self) -> dict[str, Any]:
-        """What the page shows: frame, signals, law, references, disturbances, and how time goes."""
+        """The state for the page: frame, signals, law, references, disturbances, and the pace of time."""
         return self._state
 
     # ---- the thread ----------------------------------------------------------------------------------
@@ -198,12 +198,12 @@ class Pacer:
             self._recorder = None
 
     def _begin(self) -> None:
-        """Let the clock on the wall and simulated time start together here."""
+        """Synchronise the clock and simulated time."""
         self._wall, self._simulated = time.monotonic(), self.loop.time
         self._pace: deque[tuple[float, float, float]] = deque(maxlen=round(1.0 / FRAME))
 
     def _measured(self) -> tuple[float | None, float | None]:
-        """Return simulated time and the processor's time, each per time on the wall, of the last second."""
+        """Return simulated time and processor time of the last second, relative to real time."""
         if len(self._pace) < 25:  # half a second
             return None, None
         (wall, simulated, cpu), last = self._pace[0], self._pace[-1]

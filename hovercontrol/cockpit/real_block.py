@@ -1,8 +1,8 @@
-"""K06's ground station and craft as one hybrid Block with the pilot's orders as inputs (K06 figure 5.2).
+"""K06's ground station and craft as one hybrid Block; the pilot's commands are inputs (K06 figure 5.2).
 
-It is the real loop of :mod:`hovercontrol.autopilot`, its links those of table 5.1 with packets that get lost,
-with what figure 5.2 has besides: transmit enable, lift mode, calibration of the sensors' platform, the switch
-between the laws, power-on time.
+It is the real loop of :mod:`hovercontrol.autopilot`, with lossy links of table 5.1 and the further parts of
+figure 5.2: transmit enable, lift mode, calibration of the sensors' platform, the switch between the laws,
+power-on time.
 """
 
 from __future__ import annotations
@@ -34,16 +34,16 @@ from hovercontrol.models.model import MOTION, Model
 #: What K06's ground side sends for rudder and fan.
 COMMANDS = (SERVO_COMMAND, FAN_SPEED_COMMAND)
 
-TRANSMIT = Signal("transmit", "1", "ground station sends commands", start=1.0, modes=("off", "on"))
+TRANSMIT = Signal("transmit", "1", "1: ground station sends commands", start=1.0, modes=("off", "on"))
 LIFT_ORDER = LIFT.replace(name="lift_command", start=0.0)
 
 #: What the pilot orders, with what holds at the start.
 ORDERS = (LAW, *STICK, TRANSMIT, LIFT_ORDER.replace(start=1.0), CALIBRATE)
 
-_POWER_ON = Signal("power_on_time", "s", "since the craft's power was switched on")
+_POWER_ON = Signal("power_on_time", "s", "time since the craft was switched on")
 _INERTIAL = (
-    Signal("force_x_inertial", "m/s^2", "specific force along the earth frame's x, less its bias"),
-    Signal("force_y_inertial", "m/s^2", "specific force along the earth frame's y, less its bias"),
+    Signal("force_x_inertial", "m/s^2", "specific force along x, earth frame, bias removed"),
+    Signal("force_y_inertial", "m/s^2", "specific force along y, earth frame, bias removed"),
 )
 
 #: What the downlink carries besides the motion: all that the ground station shows.
@@ -57,7 +57,7 @@ UP, DOWN = UPDATE, 0.006
 
 
 def ground_station(model: Model, *, name: str = "cockpit") -> Block:
-    """Return the whole real loop with the pilot's orders as inputs.
+    """Return the complete real loop with the pilot's commands as inputs.
 
     Parameters
     ----------
@@ -68,8 +68,8 @@ def ground_station(model: Model, *, name: str = "cockpit") -> Block:
     -------
     Block
         Hybrid. Inputs :data:`ORDERS`; outputs the true motion ``x ... r``, the navigation's ``x_hat ...``,
-        what the ground station knows (``u_told_received``, ``v_x_hat_received`` ...), forces and commands,
-        what acts on the craft, and the counters of both links.
+        the signals at the ground station (``u_told_received``, ``v_x_hat_received`` ...), forces and
+        commands, disturbances of the craft, and the counters of both links.
 
     Examples
     --------
@@ -110,12 +110,12 @@ def ground_station(model: Model, *, name: str = "cockpit") -> Block:
 
 
 def _is_inside(name: str) -> bool:
-    """Tell what nobody looks at, so that it is not among the outputs."""
+    """Return whether a signal is internal, not an output."""
     return name.endswith(("_raw", "_sampled", "_told", "_innovation", "_innovation_variance")) or "[" in name
 
 
 def _pushed_plant(model: Model) -> Block:
-    """Return the craft with the effects of disturbances, on which gusts and the floor act as well."""
+    """Return the craft with the effects of disturbances, and inputs for gusts and friction of the floor."""
     plant = with_disturbances(model)
     if "sway_coulomb" not in {e.name for e in plant.effects}:
         plant = plant.with_effects([effect("sway_coulomb", 0.0)])
@@ -124,17 +124,17 @@ def _pushed_plant(model: Model) -> Block:
 
 
 def _driven(plant: Block, added: Mapping[str, Signal]) -> Block:
-    """Return a plant some of whose parameters get a signal added, which becomes an input."""
+    """Return a plant with inputs added to some of its parameters."""
     own = {name: plant.parameter(name).symbol for name in added}
     swap = {symbol: symbol + added[name].symbol for name, symbol in own.items()}
     return replace(plant, inputs=(*plant.inputs, *added.values()), **plant.swapped(swap))
 
 
 def _filters() -> Block:
-    """Return K06's navigation, which begins anew at rest, where it is, after a calibration.
+    """Return K06's navigation, which restarts at rest at its present position after a calibration.
 
-    Heading, position and how well they are known are kept; velocities and biases are known to be zero, as
-    well as the process noise lets them be: K06's covariance at power-on would take a fix for a motion.
+    Heading, position and their covariance are kept. Velocities and biases restart at zero with the variance
+    of the process noise: with K06's covariance at power-on, a fix would be taken for a motion.
     """
     filters = aided_ins(name="filters")
     states = {s.name: s.symbol for s in filters.states}
@@ -150,7 +150,7 @@ def _filters() -> Block:
 
 
 def _shown_signals(ins: Block) -> list[Signal]:
-    """Return what the downlink carries besides the motion."""
+    """Return the further signals of the downlink, besides the motion."""
     known = {s.name: s for s in (*ins.outputs, *rest_calibration().outputs)}
     return [*(known[name] for name in _SHOWN), *_INERTIAL, _POWER_ON]
 
@@ -163,7 +163,7 @@ def _downlink(signals: list[Signal]) -> Block:
 
 
 def _uplink() -> Block:
-    """Return the link to the craft; what it sends was computed one base tick before (section 5.3.4)."""
+    """Return the link to the craft; it sends values computed one base tick earlier (section 5.3.4)."""
     link = lossy_link(
         (*COMMANDS, LIFT_ORDER), 0.0, UP, retransmissions=1, timeout=UP,
         delays=bluetooth_delays("linksys_22.0_uplink"), gate=TRANSMIT, suffix="_heard", name="uplink",
@@ -172,7 +172,7 @@ def _uplink() -> Block:
 
 
 def _inertial_force() -> Block:
-    """Return the specific force in the earth's axes, as the navigation has heading and force."""
+    """Return the specific force in earth axes, from the navigation's heading and force."""
     body = (Signal("force_x_hat", "m/s^2"), Signal("force_y_hat", "m/s^2"))
     psi = Signal("psi_hat", "rad")
     cos, sin = sp.cos(psi.symbol), sp.sin(psi.symbol)

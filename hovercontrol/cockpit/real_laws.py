@@ -1,4 +1,4 @@
-"""All that the pilot may choose to fly with as one Block with a switch: what ticks on the ground station."""
+"""All laws of the pilot as one Block with a switch, which ticks on the ground station."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from hovercontrol.estimators.ins.calibration import restartable
 from hovercontrol.models.model import MOTION
 
 #: Which law flies, K06's "Desired Law" (K06 figure 5.2); ``manual`` are K06's user commands.
-LAW = Signal("law", "1", "which law flies", modes=tuple(CHOICES))
+LAW = Signal("law", "1", "active law", modes=tuple(CHOICES))
 
-_CHANGED = Signal("law_changed", "1", "1 at the tick at which another law was chosen")
+_CHANGED = Signal("law_changed", "1", "1 at the tick of a change of law")
 _FORCES = (FORCE_X, FORCE_Y)
 
 
 def switched_laws(name: str = "laws") -> Block:
-    """Return every choice of the pilot, computed side by side, and the switch between them.
+    """Return all laws of the pilot, computed in parallel, and the switch between them.
 
-    Guidance begins anew when its law is chosen.
+    Guidance restarts when its law is chosen.
 
     Returns
     -------
     Block
         Sampled. Inputs ``law``, the stick and the motion; outputs ``force_x, force_y`` [N] of the law chosen,
-        and what each law tells besides with its key in front (``forward_surge_ref``). The references are
+        and the further outputs of each law with its key as prefix (``forward_surge_ref``). The references are
         parameters (``forward.reference.surge_ref``).
 
     Examples
@@ -57,7 +57,7 @@ def reference_key(law: str, reference: str) -> str:
 
 
 def _one(key: str) -> Block:
-    """Return a choice under its own names; what it sees keeps its name."""
+    """Return a law with its key as prefix of its names; the measured motion keeps its names."""
     parts = [_stick_force()] if key == "manual" else [nearest_heading(block) for block in force_parts(key)]
     block = interconnect(parts, key)
     starts = CHOICES[key].references
@@ -70,7 +70,7 @@ def _one(key: str) -> Block:
 
 
 def _stick_force() -> Block:
-    """Return the stick as a force: its size and its angle at the rudder."""
+    """Return the stick as a force: magnitude, and angle at the rudder."""
     ahead, right = (s.symbol for s in STICK)
     full = (
         Signal("thrust", "N", "at full stick", start=FULL_THRUST),
@@ -87,7 +87,7 @@ def _stick_force() -> Block:
 
 
 def _change() -> Block:
-    last = Signal("last_law", "1", "which law flew at the last tick; none before the first", start=-1.0)
+    last = Signal("last_law", "1", "law of the last tick; 0 before the first", start=-1.0)
     return Block(
         "change",
         states=(last,),

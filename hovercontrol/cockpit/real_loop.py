@@ -1,4 +1,4 @@
-"""The real loop under the pilot's orders: K06's ground station, link and craft, stepped in machine code."""
+"""The real loop: K06's ground station, link and craft under the pilot's commands, in compiled code."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ STILL = 0.02
 
 
 def flies_real(model: Model) -> bool:
-    """Tell whether a craft can fly the real loop: K06's laws and actuators need a thrust in newton."""
+    """Return whether a craft suits the real loop: K06's laws and actuators need a thrust in newton."""
     return len(choices(model)) > 1
 
 
@@ -45,17 +45,17 @@ def _compiled(model: Model) -> CompiledBlock:
 
 
 class RealLoop(Flown):
-    """The real loop: link, navigation, actuators and their imperfections, from the one hybrid Block.
+    """The real loop: link, navigation, actuators and their imperfections, from one hybrid Block.
 
     Parameters
     ----------
     model : Model
-        Whose thrust is in newton.
+        The craft, with a thrust in newton.
 
     Raises
     ------
     InputError
-        If the craft is none that K06's laws fly.
+        If the craft does not suit K06's laws.
 
     Examples
     --------
@@ -87,7 +87,7 @@ class RealLoop(Flown):
         self.reset()
 
     def reset(self) -> None:
-        """Put the craft where it started, its power just switched on; law, references, disturbances stay."""
+        """Put the craft at its start, just switched on; law, references and disturbances are kept."""
         self._calibrations = 0
         self.switches["calibrate"] = False
         self._runner = self._compiled.start(params=self._parameters(), inputs=self._orders())
@@ -98,18 +98,18 @@ class RealLoop(Flown):
         return round(self._runner.time, 9)
 
     def modes(self) -> dict[str, tuple[str, ...]]:
-        """Return the names of the modes that the present law tells, by signal."""
+        """Return the names of the modes of the present law, by signal."""
         begin = f"{self.law}_"
         told = {name.removeprefix(begin): m for name, m in self._modes.items() if name.startswith(begin)}
         return {name: m for name, m in told.items() if name in ("mode", "heading_mode")}
 
     def advance(self, until: float) -> None:
-        """Let simulated time go on to `until` [s].
+        """Advance simulated time to `until` [s].
 
         Raises
         ------
         InputError
-            If the motion is no longer a number.
+            If the motion is not a number any more.
         """
         if until <= self.time:
             return
@@ -120,13 +120,13 @@ class RealLoop(Flown):
         self.switches["calibrate"] = self._told("calibrating") + self._told("calibrating_received") > 0
 
     def signals(self) -> dict[str, float]:
-        """Return what there is to see now, by name, in SI units.
+        """Return the displayed signals by name, in SI units.
 
         Returns
         -------
         dict of str to float
-            As of the ideal loop; ``..._measured`` is what the navigation tells on board, and
-            :data:`STATION` has what the ground station knows.
+            As for the ideal loop; ``..._measured`` are the navigation's estimates on board, and
+            :data:`STATION` lists the signals at the ground station.
         """
         seen = dict(zip(self._names, self._runner.outputs.tolist(), strict=True))
         found = {"time": self.time, **{name: seen[name] for name in STATION}}
@@ -141,7 +141,7 @@ class RealLoop(Flown):
         return found | self._energy.tick(self.time, seen)
 
     def notes(self) -> str:
-        """Return what the pilot should know of switches and disturbances, or ``""``."""
+        """Return notes to the pilot on switches and disturbances, or ``""``."""
         if self.switches["calibrate"]:
             moves = any(abs(self._told(name)) > STILL for name in "uvr")
             return (
@@ -177,7 +177,7 @@ class RealLoop(Flown):
         return {s.name: float(value) for s, value in zip(ORDERS, values, strict=True)}
 
     def _parameters(self) -> dict[str, float]:
-        """Return the parameters that orders change, by key."""
+        """Return the parameters set by the pilot's commands, by key."""
         values = {"gusts.speed": self.switched_on.get("gusts", {}).get("speed", 0.0)}
         for key, told in self.references.items():
             values |= {reference_key(key, name): value for name, value in told.items()}

@@ -1,4 +1,4 @@
-"""What the pilot records: rows of the standard log, kept until they are saved."""
+"""The pilot's recording: rows of the standard log, kept until they are saved."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Recorder:
     inputs : sequence of str
         Names of the commands.
     more : mapping of str to str, optional
-        Further columns and the signals that they are, as those are (``true_x`` is ``x``).
+        Further columns and their signals, without measurement errors (``true_x`` is ``x``).
 
     Examples
     --------
@@ -47,13 +47,13 @@ class Recorder:
         self._rows: list[list[float]] = []
 
     def add(self, signals: Mapping[str, float]) -> None:
-        """Keep a row; where a sensor sees a motion otherwise than it is, that is what a log has."""
+        """Add a row, with measured values of the motion where they differ from the true ones."""
         row = [signals.get(f"{name}_measured", signals[name]) for name in self._own]
         self._rows.append([*row, *(signals[name] for name in self._more)])
 
     @property
     def seconds(self) -> float:
-        """Length of what was recorded [s]."""
+        """Length of the recording [s]."""
         return self._rows[-1][0] - self._rows[0][0] if self._rows else 0.0
 
     def log(self, name: str = "pilot") -> Log:
@@ -62,10 +62,10 @@ class Recorder:
         Raises
         ------
         InputError
-            If it has less than two rows.
+            If it has fewer than two rows.
         """
         if len(self._rows) < 2:
-            raise InputError("nothing was recorded: let time go on between the beginning and the end")
+            raise InputError("nothing was recorded: expected a recording while time goes on")
         columns = dict(zip(self.names, np.array(self._rows).T, strict=True))
         return Log(name, columns.pop("time"), columns)
 
@@ -86,7 +86,7 @@ class Recorder:
 
 
 def names_in(folder: Path) -> list[str]:
-    """Return the names of the logs in a folder, sorted; hidden files and links are no logs."""
+    """Return the names of the logs in a folder, sorted; without hidden files and links."""
     if not folder.is_dir():
         return []
     kinds = (".csv", ".parquet", ".pq")

@@ -1,4 +1,4 @@
-"""The server of the page: the page itself, frames and orders over a websocket, logs to look at again."""
+"""The server of the page: the page, frames and commands over a websocket, logs to replay."""
 
 from __future__ import annotations
 
@@ -36,19 +36,19 @@ _TYPES = {"html": "text/html", "css": "text/css", "js": "text/javascript", "svg"
 
 
 class Console:
-    """The page's side of a pacer: who is the pilot, who watches, where logs are.
+    """The server's state: the pilot's page, the other pages, the folder of logs.
 
     Parameters
     ----------
     folder : Path
-        Where recordings are saved.
+        Folder of recordings.
     replay : Path, optional
-        A log that the page shows first.
+        A log for replay, shown first.
 
     Attributes
     ----------
     saved : list of str
-        Names of the recordings that were saved.
+        Names of the saved recordings.
     """
 
     def __init__(self, pacer: Pacer, folder: Path, replay: Path | None = None) -> None:
@@ -157,7 +157,7 @@ class Console:
             self._give(talk)
         if self.pilot is not talk:
             if message.keys() - {"stick", "take"}:
-                raise InputError("another page flies this craft: take control first")
+                raise InputError("another page controls this craft: take control first")
             return
         check_message(message)
         stick = tuple(message.get("stick", ()))
@@ -176,7 +176,7 @@ class Console:
             await self._save_finished()
 
     def _switch(self, talk: web.WebSocketResponse, kind: str) -> None:
-        """Let another loop fly, as soon as it is built; every page is told anew what flies."""
+        """Switch to another loop as soon as it is built, and update all pages."""
         if kind not in LOOPS:
             raise InputError(f"unknown loop {shown(kind)}{did_you_mean(kind, LOOPS)}")
         if self.loops.building:
@@ -192,7 +192,7 @@ class Console:
             await talk.send_json({"news": news, "wait": True})
             await self.loops.fly(kind)
             await self._tell_all(self._about())
-            await self._tell_all({"news": f"The {kind} loop flies, from the start."})
+            await self._tell_all({"news": f"The {kind} loop runs, from its start."})
         except (InputError, RuntimeError) as error:
             await self._tell_all({"error": one_line(error, 300)})
         finally:
@@ -205,7 +205,7 @@ class Console:
                 await talk.send_json(news)
 
     def _give(self, talk: web.WebSocketResponse) -> None:
-        """Let this page be the pilot's; the first one of all starts time."""
+        """Make this page the pilot's; the first one starts time."""
         self.pilot = talk
         self.pacer.heard((0.0, 0.0))
         if not self._flown:
@@ -228,7 +228,7 @@ def _json(content: Any) -> str:
 
 
 def _refuse(text: str) -> None:
-    raise InputError(f"{text} is no number")
+    raise InputError(f"expected a number, found {text}")
 
 
 def listen(host: str, port: int) -> socket.socket:
@@ -237,7 +237,7 @@ def listen(host: str, port: int) -> socket.socket:
     Raises
     ------
     InputError
-        If the port is taken or not allowed, or there is no such address.
+        If the port is in use or not allowed, or there is no such address.
     """
     try:
         family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
@@ -246,7 +246,7 @@ def listen(host: str, port: int) -> socket.socket:
         raise InputError(f"cockpit: port {port} is not allowed: choose one above 1023, or --port 0") from None
     except OSError as error:
         if isinstance(error, socket.gaierror) or error.errno == errno.EADDRNOTAVAIL:
-            line = f"--host: {host!r} is no address of this machine"
+            line = f"--host: {host!r} is not an address of this machine"
         elif error.errno == errno.EADDRINUSE:
             line = f"port {port} is in use: choose another, or --port 0 for any"
         else:
@@ -255,7 +255,7 @@ def listen(host: str, port: int) -> socket.socket:
 
 
 def runner(console: Console, token: str) -> web.AppRunner:
-    """Return what serves a console; requests that are none are answered, not printed."""
+    """Return the runner of a console's server; invalid requests print nothing on the terminal."""
     return web.AppRunner(console.application(token), access_log=None, shutdown_timeout=1.0, logger=_SILENT)
 
 

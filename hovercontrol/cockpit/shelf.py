@@ -1,4 +1,4 @@
-"""Logs that the page looks at again: recordings in a folder, one given at the start, or one that it sends."""
+"""Logs for replay: recordings in a folder, a log given at the start, or an uploaded one."""
 
 from __future__ import annotations
 
@@ -26,21 +26,21 @@ MOST_ROWS = 20_000
 
 
 class Shelf:
-    """Where the page finds logs.
+    """The logs for replay.
 
     Parameters
     ----------
     folder : Path
-        Where recordings are saved.
+        Folder of recordings.
     replay : Path, optional
-        A log that the page shows first.
+        A log for replay, shown first.
     """
 
     def __init__(self, folder: Path, replay: Path | None = None) -> None:
         self.folder, self.replay = folder, replay
 
     def routes(self) -> list[web.RouteDef]:
-        """Return what the server answers."""
+        """Return the routes of the server."""
         return [
             web.get("/logs", self._logs),
             web.get("/logs/{name}", self._download),
@@ -53,7 +53,7 @@ class Shelf:
         return web.json_response(names_in(self.folder))
 
     def _opened(self, request: web.Request) -> BinaryIO:
-        """Open the log that is asked for; what is read is this file, whatever its name leads to by then."""
+        """Open the requested log; later changes of its name do not change the file that is read."""
         name = request.match_info["name"]
         try:
             if name not in names_in(self.folder):  # no path leads out of the folder
@@ -102,13 +102,13 @@ class Shelf:
 def open_log(folder: Path, name: str) -> BinaryIO:
     """Open a regular file of a folder, and only of this folder, for reading.
 
-    Between a look at a name and its opening a link can be put there: the name is opened within the opened
-    folder, no link is followed, and what is open is looked at.
+    A name may become a link between its check and its opening. So the name is opened relative to the open
+    folder, links are not followed, and the open file is checked.
 
     Raises
     ------
     OSError
-        If there is none: no such name, a link, a folder, a pipe.
+        If the name is missing, or is a link, a folder or a pipe.
     """
     flags = os.O_RDONLY | getattr(os, "O_BINARY", 0) | getattr(os, "O_NONBLOCK", 0)
     if os.open not in os.supports_dir_fd:  # Windows: links are for administrators there
@@ -126,14 +126,14 @@ def open_log(folder: Path, name: str) -> BinaryIO:
 
 
 def log_columns(path: str | Path) -> dict[str, list[float]]:
-    """Return the columns of a log that the page draws, every so many rows of a long one.
+    """Return the columns of a log for the page; a long log is thinned.
 
-    Rows without a pose are left out, and then columns in which numbers are missing.
+    Rows without a pose are left out, then columns with missing numbers.
 
     Raises
     ------
     InputError
-        If it is no log, or has no pose.
+        If it is not a log, or has no pose.
     """
     try:
         log = read_log(path, motion=True)

@@ -31,7 +31,7 @@ def check(
         str | None,
         typer.Option(
             "--vehicle",
-            help="A built-in craft instead of --model; with neither, no trial fit.",
+            help="A built-in craft instead of --model; without either, no trial fit is made.",
             autocompletion=names.vehicles,
         ),
     ] = None,
@@ -63,7 +63,7 @@ def check(
     check_folder(out)
     given.refuse_twice("check", logs)
     if params and not (model or vehicle):
-        raise InputError("check: --params are of a model; expected --model or --vehicle as well")
+        raise InputError("check: --params belongs to a model; expected --model or --vehicle as well")
     known = given.model_of("check", model, vehicle, params) if model or vehicle else None
     inputs = [s.name for s in known.plant(late=True).inputs] if known else []
     if not columns and (topics := topics_of(logs, inputs, model, vehicle)):

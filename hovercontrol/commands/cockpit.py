@@ -23,28 +23,28 @@ EXAMPLE = "Example: hovercontrol cockpit --vehicle hoverdemon --out flights"
 def cockpit(
     model: Annotated[
         str | None,
-        typer.Option("--model", help="Model file (TOML) of a craft; or FILE.py:NAME, a Model of your own."),
+        typer.Option("--model", help="Model file (TOML) of a craft, or FILE.py:NAME of a Model."),
     ] = None,
     vehicle: Annotated[
         str | None,
         typer.Option(
             "--vehicle",
-            help="Or one of the package's craft (else hoverdemon).",
+            help="A built-in craft instead of a model file (default: hoverdemon).",
             autocompletion=names.vehicles,
         ),
     ] = None,
-    out: Annotated[Path, typer.Option("--out", "-o", help="Folder for recordings; made if need be.")] = Path(
-        "out/cockpit"
-    ),
+    out: Annotated[
+        Path, typer.Option("--out", "-o", help="Folder for recordings, created if missing.")
+    ] = Path("out/cockpit"),
     replay: Annotated[
-        Path | None, typer.Option("--replay", help="Show this log (CSV or Parquet) first.")
+        Path | None, typer.Option("--replay", help="Log (CSV or Parquet) to replay first.")
     ] = None,
     loop: Annotated[
-        str, typer.Option("--loop", help="ideal, or real: through link, navigation and actuators.")
+        str, typer.Option("--loop", help="Loop: ideal, or real (with link, navigation and actuators).")
     ] = "ideal",
-    port: Annotated[int, typer.Option(help="0 takes any free one.", min=0, max=65535)] = 8321,
+    port: Annotated[int, typer.Option(help="Port of the page; 0 for any free one.", min=0, max=65535)] = 8321,
     host: Annotated[
-        str, typer.Option(help="Address to serve at; beyond this machine the page needs a token.")
+        str, typer.Option(help="Address of the server; from other machines the page needs a token.")
     ] = "127.0.0.1",
     open_: Annotated[bool, typer.Option("--open/--no-open", help="Open the page in the browser.")] = True,
 ) -> int:

@@ -27,13 +27,15 @@ def diagnose(
     effects: Annotated[
         str,
         typer.Option(
-            help="Effects to look for, separated by commas (default: all).", autocompletion=names.effects
+            help="Candidate effects, separated by commas (default: all).", autocompletion=names.effects
         ),
     ] = "",
-    max_effects: Annotated[int, typer.Option(help="Largest number of effects to add.", min=1)] = 3,
+    max_effects: Annotated[
+        int, typer.Option(help="Largest number of effects to add to the model.", min=1)
+    ] = 3,
     seed: Annotated[
         int,
-        typer.Option(help="Seed of the random manoeuvres among which the next experiment is chosen.", min=0),
+        typer.Option(help="Seed of the random manoeuvres for the next experiment.", min=0),
     ] = 0,
     columns: given.Columns = "",
     bench: given.Bench = None,

@@ -17,7 +17,7 @@ def export(
     block: Annotated[
         str,
         typer.Argument(
-            help="A scenario or its TOML file: its whole closed loop; SCENARIO:PART: one part of it (plant, "
+            help="A scenario or its TOML file: the whole closed loop; SCENARIO:PART: one part of it (plant, "
             "reference, controller, estimator, of an autopilot its sensors, links and actuators); a part by "
             "itself (imu, rudder_servo); a craft or a model file: its plant; FILE.py:NAME: a Block of your "
             "own. --list shows them.",
@@ -26,7 +26,7 @@ def export(
     ] = "",
     params: given.Params = None,
     out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="The FMU to write (default: out/NAME.fmu).")
+        Path | None, typer.Option("--out", "-o", help="FMU file to write (default: out/NAME.fmu).")
     ] = None,
     fmi: Annotated[int, typer.Option(help="FMI version: 2 or 3.", autocompletion=names.of("2", "3"))] = 3,
     platforms: Annotated[
@@ -39,7 +39,7 @@ def export(
     friction: Annotated[
         str,
         typer.Option(
-            help="Dry friction: smooth, as simulate has it, or events (it sticks at rest).",
+            help="Dry friction: smooth, as in simulate, or events (with sticking at rest).",
             autocompletion=names.of("events", "smooth"),
         ),
     ] = "smooth",
@@ -70,7 +70,9 @@ def export(
         print(f"{'platforms':24} {', '.join(PLATFORMS)}")
         return 0
     if not block:
-        raise InputError("export: expected what to export; hovercontrol export --list shows what there is")
+        raise InputError(
+            "export: expected a scenario, a part, a craft or a file; hovercontrol export --list shows them"
+        )
     wanted = chosen_platforms(platforms)
     chosen = choose(block, params)
     out = out or Path("out") / f"{chosen.block.name}.fmu"

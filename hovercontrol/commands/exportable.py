@@ -65,7 +65,7 @@ def choose(name: str, params: Path | None = None) -> Choice:
     if own is not None:
         return _own(name, own)
     if params is not None:
-        raise InputError(f"export: --params are of a model FILE.py:NAME, found {name}")
+        raise InputError(f"export: --params belongs to a model FILE.py:NAME, found {name}")
     whole, colon, part = name.partition(":")
     if colon and not whole.endswith(".toml") and whole not in scenario_names():
         raise InputError(f"unknown scenario {whole!r} in {name!r}{_nearest(whole, scenario_names())}")

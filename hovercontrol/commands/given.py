@@ -38,18 +38,16 @@ Logs = Annotated[
 ]
 ModelFile = Annotated[
     str | None,
-    typer.Option(
-        "--model", help="Model file (TOML); or FILE.py:NAME, a Model, BlockModel or Block of your own."
-    ),
+    typer.Option("--model", help="Model file (TOML), or FILE.py:NAME of a Model, BlockModel or Block."),
 ]
 Params = Annotated[
     Path | None,
     typer.Option(
-        "--params", help="Values and effects for the model: a parameters.toml of identify or diagnose."
+        "--params", help="Values and effects of the model: a parameters.toml from identify or diagnose."
     ),
 ]
 Holdout = Annotated[
-    list[str] | None, typer.Option("--holdout", help="A log held out of the fit; may be repeated.")
+    list[str] | None, typer.Option("--holdout", help="A log held out of the fit; can be repeated.")
 ]
 Vehicle = Annotated[
     str | None,
@@ -63,34 +61,36 @@ Columns = Annotated[
     str,
     typer.Option(
         "--columns",
-        help="The files' names of columns, with units that are not SI, a minus for the other sign: "
+        help="Map file columns to signals: NAME=COLUMN[:UNIT]; a leading - of the unit flips the sign: "
         "time=stamp_ms:ms,rudder=servo:-deg,psi=qx,qy,qz,qw:z-up",
     ),
 ]
 Bench = Annotated[
     Path | None, typer.Option("--bench", help="Bench table: column pwm_NAME becomes the force of input NAME.")
 ]
-BenchFans = Annotated[int, typer.Option("--bench-fans", help="Fans that ran together on the bench.", min=1)]
-OnlyWhile = Annotated[str, typer.Option("--while", help="Use only rows where this holds: 'pwm_lift>1000'")]
+BenchFans = Annotated[
+    int, typer.Option("--bench-fans", help="Number of fans that ran together on the bench.", min=1)
+]
+OnlyWhile = Annotated[
+    str, typer.Option("--while", help="Use only rows that meet this condition: 'pwm_lift>1000'")
+]
 Settle = Annotated[
     float,
     typer.Option("--settle", help="Seconds to leave out after the --while condition becomes true.", min=0.0),
 ]
 Missing = Annotated[
     str,
-    typer.Option(
-        "--missing", help="Numbers in the logs that mean a missing value, separated by commas: -999,9999"
-    ),
+    typer.Option("--missing", help="Codes of missing values in the logs, separated by commas: -999,9999"),
 ]
 TrialColumn = Annotated[
     str,
-    typer.Option("--trial", help="Column of numbers that tells the trials of a log apart, such as 'trial'."),
+    typer.Option("--trial", help="Column with the number of the trial, such as 'trial'."),
 ]
 Frame = Annotated[
     str,
     typer.Option(
         "--frame",
-        help="Axes of the logs: ned is converted (x, y, psi, v, r); z-up or enu: no conversion, no check.",
+        help="Axes of the logs: ned (x, y, psi, v, r are converted), z-up or enu (no conversion, no check).",
     ),
 ]
 
@@ -219,12 +219,18 @@ def refuse_twice(command: str, names: Sequence[str], held: Sequence[str] = ()) -
     given: dict[Path, str] = {}
     for name in (*names, *held):
         if name.startswith("--"):
-            raise InputError(f"{command}: expected a log, found {name}: the option before it lacks its value")
+            raise InputError(
+                f"{command}: expected a log, found {name}: does the option before it lack its value?"
+            )
         first = Path(split_files(name)[0])  # commands may be those of several runs
         measured = Path(os.path.realpath(first if "\0" not in name else readable(first)))
         if measured in given:
             known = "" if given[measured] == name else f" (as {given[measured]})"
-            why = "; a held-out log is not in the fit" if name in held and given[measured] not in held else ""
+            why = (
+                "; a held-out log must not be in the fit"
+                if name in held and given[measured] not in held
+                else ""
+            )
             raise InputError(f"{command}: {name} is given twice{known}{why}")
         given[measured] = name
 

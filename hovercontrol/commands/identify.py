@@ -40,9 +40,7 @@ def identify(
     missing: given.Missing = "",
     trial: given.TrialColumn = "",
     allow_gaps: given.AllowGaps = False,
-    sample: Annotated[
-        bool, typer.Option("--sample", help="Use the sample log that comes with the package.")
-    ] = False,
+    sample: Annotated[bool, typer.Option("--sample", help="Use the sample log of the package.")] = False,
     json: given.Json = False,
 ) -> int:
     """Estimate a model's coefficients from logs, with standard errors; list those not excited by the logs.

@@ -16,12 +16,12 @@ EXAMPLE = "Example: hovercontrol new craft.toml --kind fan"
 
 
 def new(
-    file: Annotated[Path, typer.Argument(help="The file to write: .toml, or .py with --kind block.")],
+    file: Annotated[Path, typer.Argument(help="File to write: .toml, or .py with --kind block.")],
     kind: Annotated[
         str,
         typer.Option(
             "--kind",
-            help="rudder (a propeller and a rudder), fan (fixed fans) or block (a Block of your own).",
+            help="Kind of model: rudder (propeller and rudder), fan (fixed fans) or block (own Block).",
             autocompletion=names.of("rudder", "fan", "block"),
         ),
     ] = "",
@@ -36,7 +36,7 @@ def new(
     if file.suffix != wanted:
         raise InputError(f"new: a file of kind {chosen} ends in {wanted}, found {file.name!r}")
     if file.exists():
-        raise InputError(f"new: {file} exists already and is not overwritten")
+        raise InputError(f"new: {file} exists; expected the name of a new file")
     check_folder(file.parent)
     write_atomically(file, lambda temporary: temporary.write_text(text, encoding="utf-8"))
     print(f"wrote {file}: its comments say what to change and how to use it")

@@ -16,7 +16,7 @@ def schema(
     kind: Annotated[
         str,
         typer.Argument(
-            help="result (of diagnose), model or scenario (TOML files).",
+            help="Format: result (of diagnose), model or scenario (TOML files).",
             autocompletion=names.of("result", "model", "scenario"),
         ),
     ],

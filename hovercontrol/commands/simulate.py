@@ -36,10 +36,13 @@ def simulate(
     ] = "",
     duration: Annotated[
         float | None,
-        typer.Option("--duration", help="Seconds to drive a model file (default: 20, or the log's)."),
+        typer.Option(
+            "--duration",
+            help="Length of the run of a model file in seconds (default: 20, or that of --commands).",
+        ),
     ] = None,
     commands: Annotated[
-        str, typer.Option("--commands", metavar="LOG", help="Drive a model file by the commands of this log.")
+        str, typer.Option("--commands", metavar="LOG", help="Log whose commands drive a model file.")
     ] = "",
     columns: given.Columns = "",
     params: given.Params = None,
@@ -48,7 +51,7 @@ def simulate(
         typer.Option(
             "--animate",
             metavar="FILE",
-            help="Write an animation of the craft, too: .html, .gif, or .mp4 (needs ffmpeg).",
+            help="Also write an animation of the craft: .html, .gif, or .mp4 (needs ffmpeg).",
         ),
     ] = "",
     out: Out = None,
@@ -75,7 +78,7 @@ def simulate(
             "simulate: expected a scenario's name (hovercontrol simulate --list shows them) or a TOML file"
         )
     if columns and not commands:
-        raise InputError("simulate: --columns is of the log that --commands names; expected both")
+        raise InputError("simulate: --columns belongs to the log of --commands; expected both")
     if animation:
         from hovercontrol.animation.animate import check_format
 
@@ -83,7 +86,7 @@ def simulate(
     log = read_log(commands, given.pairs(columns)) if commands else None
     own = given.from_users_file(scenario, params)
     if own is None and params:
-        raise InputError(f"simulate: --params are of a model FILE.py:NAME, found {scenario}")
+        raise InputError(f"simulate: --params belongs to a model FILE.py:NAME, found {scenario}")
     if isinstance(own, Block | BlockModel):
         block = own if isinstance(own, Block) else own.plant()
         return _drive(block, duration, log, out, json, animation)
@@ -156,7 +159,7 @@ def _show_clipped(run: Run) -> None:
     if counted:
         ticks = round(run.scenario.end / TICK) + 1
         said = ", ".join(f"{key} at {count} ({count / ticks:.0%})" for key, count in counted.items())
-        print(f"of {ticks} ticks, commands left their limits or lookup tables and were clipped: {said}")
+        print(f"of {ticks} ticks, commands exceeded their limits or lookup tables and were clipped: {said}")
 
 
 def _show_metrics(run: Run) -> None:

@@ -46,25 +46,25 @@ def sweep(
         typer.Option(
             "--vary",
             metavar="KEY=FROM:TO:POINTS",
-            help="A parameter or start value; give it twice for a map.",
+            help="Parameter or start value to vary; give it twice for a map.",
         ),
     ] = None,
     of: Annotated[
         str,
-        typer.Option("--of", help="The signal to evaluate (default: error_x, u, or a Block's first output)."),
+        typer.Option("--of", help="Signal to evaluate (default: error_x, u, or a Block's first output)."),
     ] = "",
     figure: Annotated[
         str,
         typer.Option(
             "--figure",
-            help="final, maximum, minimum, rms or settling, of the last phase.",
+            help="Figure of the signal in the last phase: final, maximum, minimum, rms or settling.",
             autocompletion=names.of("final", "maximum", "minimum", "rms", "settling"),
         ),
     ] = "rms",
     params: given.Params = None,
     out: Out = None,
     resume: Annotated[
-        bool, typer.Option("--resume", help="Continue the same sweep from OUT.partial.")
+        bool, typer.Option("--resume", help="Continue an interrupted sweep from OUT.partial.")
     ] = False,
     json: given.Json = False,
 ) -> int:
@@ -95,7 +95,7 @@ def sweep(
         raise InputError("sweep: expected one or two --vary KEY=FROM:TO:POINTS")
     own = given.from_users_file(scenario, params)
     if own is None and params:
-        raise InputError(f"sweep: --params are of a model FILE.py:NAME, found {scenario}")
+        raise InputError(f"sweep: --params belongs to a model FILE.py:NAME, found {scenario}")
     loaded: Scenario | Block
     run: Callable[..., Varied]
     if own is None or isinstance(own, Model):

@@ -162,7 +162,7 @@ class _Parts:
             Signal(
                 f"F_{command.name}_{_plain(v)}",
                 command.unit,
-                f"{command.name} against dry friction in {v.name}",
+                f"compensation in {command.name} of dry friction in {v.name}",
                 start=value,
             )
             for v, value in zip(states, row, strict=True)

@@ -40,13 +40,13 @@ def tracking_controller(
     Parameters
     ----------
     model : Model
-        What the controller believes of the craft; its coefficients become the Block's parameters.
+        The controller's model of the craft; its coefficients become the Block's parameters.
     control_point : float, optional
-        delta_x [m], where the tracking point lies ahead of the centre of mass.
+        delta_x [m], distance of the tracking point ahead of the centre of mass.
     control_point_side : float, optional
-        delta_y [m], how far to the left of the centre line it lies. C17's laws allow it, but its Theorem 4
-        does not: r' then has a term in r^2, so that the yaw rate escapes in finite time to one side
-        (:func:`~hovercontrol.analysis.zero_dynamics`). A parameter of the Block only where it is not 0.
+        delta_y [m], distance of the tracking point to the left of the centre line. C17's laws allow it, but
+        its Theorem 4 does not: r' then has a term in r^2, so that the yaw rate escapes in finite time to one
+        side (:func:`~hovercontrol.analysis.zero_dynamics`). A parameter of the Block only where it is not 0.
     k1, k2 : float, optional
         Gains [1/s^2, 1/s], positive.
     adapt : sequence of str, optional

@@ -90,7 +90,7 @@ class Block(Backends):
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not re.fullmatch(r"[A-Za-z_]\w*", self.name):
-            raise InputError(f"{self.name!r} is no block name: letters, digits and _ wanted")
+            raise InputError(f"{self.name!r} is not a valid block name; use letters, digits and _")
         for kind in ("states", "inputs", "outputs", "parameters", "definition_signals"):
             signals = getattr(self, kind)
             if isinstance(signals, str | Signal) or not all(isinstance(s, Signal) for s in signals):
@@ -149,7 +149,7 @@ class Block(Backends):
                 )
             )
         if self.ticks and not hybrid:
-            raise InputError(self.where(f"it has parts that tick and so no {what}"))
+            raise InputError(self.where(f"it has parts that tick and therefore no {what}"))
 
     def need_prompt_inputs(self, what: str) -> None:
         """Refuse a Block whose inputs act late where nothing remembers them; raises :class:`InputError`.
@@ -167,7 +167,7 @@ class Block(Backends):
         for name in self.delays:
             raise InputError(
                 self.where(
-                    f"the input {name!r} acts with a delay, of which {what} knows nothing: give the inputs "
+                    f"the input {name!r} acts with a delay, which {what} does not support: give the inputs "
                     "as they arrive to hovercontrol.core.delays.undelayed(block), or approximate by "
                     "hovercontrol.core.delays.pade(block, order)"
                 )
@@ -265,7 +265,9 @@ class Block(Backends):
         new = {kind: changed(getattr(self, kind)) for kind in ("states", "inputs", "parameters")}
         if left:
             self.signal(next(iter(left)))
-            raise InputError(self.where(f"{next(iter(left))!r} is computed, it has no start value"))
+            raise InputError(
+                self.where(f"{next(iter(left))!r} is an output or definition and has no start value")
+            )
         return self.unchecked(**new)
 
     @checked

@@ -110,7 +110,7 @@ class Backends:
         from hovercontrol.core.equations import latex_equations, text_equations
 
         if form not in ("text", "latex"):
-            raise InputError(f"equations come as 'text' or 'latex', not {form!r}")
+            raise InputError(f"equations: expected form 'text' or 'latex', found {form!r}")
         return text_equations(self._block) if form == "text" else latex_equations(self._block)
 
     def to_numpy(self) -> NumpyFunctions:

@@ -130,11 +130,13 @@ def _check_ticks(block: Block) -> None:
         if held.count(name) > 1:
             raise InputError(block.where(f"two ticks set the state {name!r}"))
         if name not in names:
-            raise InputError(block.where(f"a tick sets {name!r}, no state{did_you_mean(name, names)}"))
+            raise InputError(
+                block.where(f"a tick sets {name!r}, which is not a state{did_you_mean(name, names)}")
+            )
         if block.derivatives[name] != 0:
             raise InputError(block.where(f"state {name!r} is set by a tick and has a derivative as well"))
     if names[len(names) - len(held) :] != [n for n in names if n in held]:
-        raise InputError(block.where("states that ticks set come after the continuous ones"))
+        raise InputError(block.where("states set by ticks must come after the continuous ones"))
 
 
 def _check_symbols(block: Block) -> None:
@@ -188,11 +190,15 @@ def _check_delays(block: Block) -> None:
     )
     for name, e in block.delays.items():
         if name not in inputs:
-            raise InputError(block.where(f"a delay of {name!r}, no input{did_you_mean(name, inputs)}"))
+            raise InputError(
+                block.where(f"a delay of {name!r}, which is not an input{did_you_mean(name, inputs)}")
+            )
         for symbol in sorted(e.free_symbols - parameters.keys(), key=str):
             hint = did_you_mean(symbol.name, [s.name for s in block.parameters])
             raise InputError(
-                block.where(f"the delay of {name!r} depends on {symbol.name!r}, no parameter{hint}")
+                block.where(
+                    f"the delay of {name!r} depends on {symbol.name!r}, which is not a parameter{hint}"
+                )
             )
         label = f"the delay of {name!r}"
         _need(block, label, e, _dimension(block, derive, label, e), dimension("s"), "s")

@@ -62,7 +62,7 @@ def constant_delay(
     signals = passed_through(name, signals, suffix)
     positive(f"{name}: period", period)
     stages = _stages(name, not_negative(f"{name}: delay", delay), period)
-    step = fixed("period", period, "from tick to tick")
+    step = fixed("period", period, "time between ticks")
     chains = [
         [
             s.replace(name=f"{s.name}_stage{k}", description=f"{s.name}, {k} ticks old")
@@ -71,7 +71,7 @@ def constant_delay(
         for s in signals
     ]
     # stage_1(k+1) = u(k),  stage_j(k+1) = stage_{j-1}(k),  y(k) = stage_n(k);  age(k) = min(k, n) * period
-    ticks = Signal(f"{name}_ticks", "1", "ticks so far, at most as many as there are stages")
+    ticks = Signal(f"{name}_ticks", "1", "number of ticks, limited to the number of stages")
     following, values = {ticks.name: sp.Min(ticks.symbol + 1, stages)}, {}
     for s, chain in zip(signals, chains, strict=True):
         line = [s, *chain]
@@ -96,7 +96,7 @@ def _stages(name: str, delay: float, period: float) -> int:
     if ratio.denominator != 1:
         below, above = (float(n * Fraction(str(period))) for n in (math.floor(ratio), math.ceil(ratio)))
         raise InputError(
-            f"{name}: delay {delay:g} s is no multiple of the period {period:g} s; "
+            f"{name}: delay {delay:g} s is not a multiple of the period {period:g} s; "
             f"the nearest are {below:g} s and {above:g} s"
         )
     return int(ratio)

@@ -76,7 +76,7 @@ class Signal:
         if self.modes:
             self._become_mode()
         if not isinstance(self.name, str) or not _NAME.fullmatch(self.name):
-            raise InputError(f"{self.name!r} is no signal name: letters, digits, _ and dots wanted")
+            raise InputError(f"{self.name!r} is not a valid signal name; use letters, digits, _ and dots")
         if self.name == time.name:
             raise InputError("'t' is the name of time: give the signal another name")
         if not is_plain_si(self.unit):

@@ -110,7 +110,7 @@ def conversion_factor(unit: str, target: str) -> float:
     except ArithmeticError:
         factor = math.inf
     if not 0 < factor < math.inf:
-        raise UnitError(f"expected a unit like {target!r}, found {unit!r}, which is too far from it")
+        raise UnitError(f"expected a unit like {target!r}, found {unit!r}, which has another scale")
     return factor
 
 

@@ -121,7 +121,7 @@ class _Reader:
 
     def next(self) -> str:
         if not self.rest:
-            raise ValueError("something is missing at its end")
+            raise ValueError("unexpected end")
         return self.rest.pop(0)
 
     def need(self, token: str) -> None:

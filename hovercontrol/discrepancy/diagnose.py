@@ -110,7 +110,7 @@ def _diagnosed(
     seed: int,
     report: Callable[[float, str], None],
 ) -> Diagnosis:
-    report(0.0, "reading what was measured")
+    report(0.0, "reading the measurements")
     warnings = [*left_out(model, names), *check_logs(model, logs, holdout)]
     data = gather(model, logs)
     report(0.05, "fitting the model as it is")
@@ -126,13 +126,13 @@ def _diagnosed(
     trace: list[Decision] = []
     held = searched(base, model, kept, names=names, max_effects=max_effects, report=said, trace=trace)
     selection = held.selection
-    report(0.92, "measuring what remains")
+    report(0.92, "measuring the remainder")
     base, final = selection.base, selection.final  # a search may find a likelier fit of the given model
     remains = remainders(base, final)
     slow = slow_errors(final)
     verdict = verdict_of(selection, [*remains, *slow])
     effects = numbers_of(final, selection.effects)
-    report(0.96, "looking for the next experiment")
+    report(0.96, "searching for the next experiment")
     experiment, advice = next_experiment(selection, effects, seed)
     warnings += switched_off(model, final.model, selection.effects)
     missing = missing_forces(base)

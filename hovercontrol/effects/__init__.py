@@ -1,4 +1,4 @@
-"""Physical effects: each one class, found by its name (exact definitions in each class)."""
+"""Physical effects, one class each, found by name."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def effect_class(name: str) -> type[Effect]:
     Raises
     ------
     InputError
-        If no effect has that name; the nearest one is in the text.
+        If no effect has that name; the message names the nearest one.
 
     Examples
     --------

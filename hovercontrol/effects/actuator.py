@@ -1,6 +1,6 @@
 """Actuators: the limits of a command, play between command and actuator, and a limit of its rate.
 
-The last two have a state that follows within the time constant :data:`TAU`, which a fit leaves as it is.
+The last two have a state with the time constant :data:`TAU`, which a fit keeps.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ TAU = 0.001
 
 
 def play(command: sp.Expr, width: sp.Expr, tau: sp.Expr, state: sp.Expr) -> tuple[sp.Expr, sp.Expr]:
-    """Return what acts behind play of total width d, and the derivative of its memory z.
+    """Return the output of play of total width d, and the derivative of its memory z.
 
     The actuator y lies within half the width of the command c, and rests while it does:
 
         y = max(c - d/2, min(c + d/2, z)),    z' = (y - z)/tau.
 
-    y takes up its command at once: only the memory follows within tau, so that no delay is left behind.
+    y follows its command at once: only the memory has the lag tau, so there is no delay.
     """
     acting = sp.Max(command - width / 2, sp.Min(command + width / 2, state))
     return acting, (acting - state) / tau
@@ -36,13 +36,13 @@ def clipped(command: sp.Expr, lower: sp.Expr | None, upper: sp.Expr | None) -> s
 
 
 def limited_rate(command: sp.Expr, limit: sp.Expr, tau: sp.Expr, state: sp.Expr) -> sp.Expr:
-    """Return the derivative of what follows a command at a limited rate."""
+    """Return the derivative of a state that follows a command at a limited rate."""
     return sp.Max(-limit, sp.Min(limit, (command - state) / tau))
 
 
 class _Backlash(Effect):
     def played(self, c: Any, s: Any, name: str, command: sp.Expr) -> tuple[Signal, sp.Expr, sp.Expr]:
-        """Return the memory of the play, from rest at zero, what acts, and the memory's derivative."""
+        """Return the memory of the play, at rest at zero, the output, and the memory's derivative."""
         state = Signal(f"{name}_played", s.units[name], f"{name} behind its play")
         return state, *play(command, c.width, c.tau, state.symbol)
 

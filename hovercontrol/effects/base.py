@@ -1,9 +1,9 @@
-"""What an effect is: one physical cause, its coefficients, and what it does to a model.
+"""The base class of effects: one physical cause, its coefficients, and its terms in a model.
 
 To add an effect, write one class in one file of this package (or anywhere in a script): a ``name``, the
 coefficients, and one of ``terms`` (a force, with ``states`` where it has a memory of the motion),
-``commands`` (between command and force) and ``measured`` (between state and log). It is then known to model
-files, plants, estimators and the search for what a model lacks.
+``commands`` (between command and force) and ``measured`` (between state and log). Model files, plants,
+estimators and the search for missing effects then know it.
 """
 
 from __future__ import annotations
@@ -41,14 +41,14 @@ class Coefficient:
     lower, upper : float, optional
         Bounds.
     default : float, optional
-        Value where none is given; without it the value is required.
+        Default value; without it the value is required.
     neutral : float, optional
-        The value at which the effect is not there; none (NaN) for a number that does not scale it.
+        The value at which the effect vanishes; NaN for a number that does not scale it.
 
     Raises
     ------
     InputError
-        If the bounds are no interval, or leave `neutral` or `default` out.
+        If the bounds are not an interval, or exclude `neutral` or `default`.
 
     Examples
     --------
@@ -76,17 +76,17 @@ class Coefficient:
 @checked
 @dataclass(frozen=True)
 class Shape(Coefficient):
-    """A number of an effect that shapes its terms and need not enter linearly (a width, a time).
+    """A shape parameter of an effect, which may enter nonlinearly (a width, a time).
 
     Parameters
     ----------
     search : tuple of float, optional
         Values from which a search for the effect starts.
     of : {"", "input", "speed", "time", "step"}, optional
-        What they are parts of: nothing, the largest thrust, the craft's speed along the effect's axis (root
-        mean square), the length of the log, the time between its rows.
+        Unit of these values: none, the largest thrust, the craft's speed along the effect's axis (root mean
+        square), the length of the log, or the time between its rows.
     fixed : bool, optional
-        Whether a fit leaves it as given: a scale, or a constant of the regularisation.
+        Whether a fit keeps it: a scale, or a constant of the regularisation.
     unit, lower, upper, default, neutral
         As for :class:`Coefficient`.
 
@@ -112,11 +112,12 @@ class Effect:
     ``value`` is the effect's coefficient and carries its name among the plant's parameters
     (``plant.yaw_coulomb``); others are ``name_attribute`` (``plant.yaw_coulomb_width``).
 
-    ``order`` says which comes first of several effects that change commands or measurements; ``craft`` on
-    which craft a search tries the effect (``"any"``, ``"rudder"`` with a propeller and a rudder, ``"fan"``);
+    ``order`` sorts effects that change commands or measurements; ``craft`` is the kind of craft on which a
+    search tries the effect (``"any"``, ``"rudder"`` with a propeller and a rudder, ``"fan"``);
     ``instead_of`` names an effect that is the same on another craft: a model has one of the two; ``signal``
-    is the input that the effect acts on, where it is one of a machine's own; ``axis`` the velocity in
-    whose equation alone it acts. ``drives`` says that it turns its craft's actuators into accelerations,
+    is the input on which the effect acts, on a machine with its own inputs; ``axis`` the velocity in
+    whose equation alone it acts. ``drives`` marks an effect that turns its craft's actuators into
+    accelerations,
     ``turns_fans`` that it needs the fans' torque with their forces turned, ``shifts_time`` that it only says
     how late commands or measurements are, which no log tells apart; ``contains`` the kinds of effect that it
     becomes in a limit of its numbers; ``flexible`` that its many numbers also fit part of other effects, so
@@ -201,7 +202,7 @@ class Effect:
 
     @classmethod
     def within_bounds(cls, **values: float) -> Self:
-        """Return the effect with numbers that a search proposes, each at the nearest that its bounds allow.
+        """Return the effect with proposed numbers, each clipped to its bounds.
 
         Parameters
         ----------
@@ -227,7 +228,7 @@ class Effect:
 
     @classmethod
     def small(cls) -> Self:
-        """Return the effect where it does nothing; a number without a finite neutral value is small.
+        """Return the effect at its neutral values; a number without a finite neutral value is small.
 
         Examples
         --------
@@ -364,7 +365,7 @@ class Effect:
     def friction_width(cls) -> str:
         """Return the parameter name of the width over which dry friction changes sign, ``""`` without one.
 
-        It regularises; a width at whose neutral value the effect is not there (a dead zone's) is none.
+        A width whose neutral value removes the effect (a dead zone's) does not count.
         """
         width = cls.numbers.get("width")
         return cls.parameter("width") if width is not None and math.isnan(width.neutral) else ""
@@ -375,7 +376,7 @@ class Effect:
         Parameters
         ----------
         owner : str
-            Name of the Block they belong to.
+            Name of the Block to which they belong.
         units : mapping of str to str
             Unit of each input, by name, for coefficients that are per unit of an input.
         """
@@ -405,7 +406,7 @@ class Effect:
         return SimpleNamespace(**{k: sp.Symbol(name, real=True) for k, name in names.items()})
 
     def terms(self, c: Any, s: Any) -> dict[str, sp.Expr]:
-        """Return what the effect adds to the derivatives of the body velocities.
+        """Return the effect's terms in the derivatives of the body velocities.
 
         Parameters
         ----------
@@ -426,7 +427,7 @@ class Effect:
         return {}
 
     def motion(self, c: Any, s: Any) -> None:
-        """Change what other effects see of the motion, in place: ``s.air_u`` in a wind, ``s.thrust_x``.
+        """Change the motion used by other effects, in place: ``s.air_u`` in a wind, ``s.thrust_x``.
 
         Parameters
         ----------
@@ -435,7 +436,7 @@ class Effect:
         """
 
     def commands(self, c: Any, s: Any) -> dict[Signal, sp.Expr]:
-        """Change the commands on their way to the forces, in place.
+        """Change the commands before they become forces, in place.
 
         Parameters
         ----------
@@ -448,18 +449,18 @@ class Effect:
         Returns
         -------
         dict of Signal to sympy.Expr
-            States that the effect needs, with their derivatives; they follow from the commands alone.
+            The effect's states and their derivatives, functions of the commands only.
         """
         return {}
 
     def states(self, c: Any, s: Any) -> dict[Signal, sp.Expr]:
-        """Return states of the effect's own that its terms use, with their derivatives.
+        """Return the effect's own states, which its terms use, and their derivatives.
 
         Parameters
         ----------
         c, s : namespace
-            As of :meth:`terms`; ``s.fastest`` is the largest rate at which they may follow others [1/s], or
-            None: a state that follows in less than a sub-step of a fit throws it off.
+            As for :meth:`terms`; ``s.fastest`` is the largest rate of the states [1/s], or None. A fit needs
+            it: a state that is faster than its sub-step makes it unstable.
 
         Returns
         -------
@@ -469,14 +470,14 @@ class Effect:
         return {}
 
     def measured(self, c: Any, s: Any) -> None:
-        """Change what is measured, in place: ``s.x, s.y, s.psi, s.u, s.v, s.r``; ``s.true`` is the motion.
+        """Change the measured values, in place: ``s.x, s.y, s.psi, s.u, s.v, s.r``; ``s.true`` is the motion.
 
         Parameters
         ----------
         c : namespace
             Symbols of the effect's own numbers.
         s : namespace
-            Symbols of what is measured.
+            Symbols of the measured values.
         """
 
     def factors(self, c: Any, s: Any) -> dict[str, sp.Expr]:
@@ -491,7 +492,7 @@ class Effect:
 
     @classmethod
     def in_package(cls) -> bool:
-        """Return whether the effect comes with the package, and is not somebody's own."""
+        """Return whether the effect belongs to the package."""
         return cls.__module__.startswith("hovercontrol.")
 
     @classmethod
@@ -503,7 +504,7 @@ class Effect:
 
 
 def resolved_unit(unit: str, inputs: Mapping[str, str]) -> str:
-    """Return a unit with the units of inputs filled in; per unit of a plain number is left out."""
+    """Return a unit with the units of inputs inserted; a dimensionless input's unit is omitted."""
     braced = {name: f"({u})" if set(u) & set("*/^ ") else u for name, u in inputs.items()}
     try:
         return unit.format(**braced).replace("/1", "")

@@ -1,4 +1,4 @@
-"""What happens to commands on their way to the forces: delay, lag, dead zone, saturation, sag, offset.
+"""Effects between commands and forces: delay, lag, dead zone, saturation, sag, offset.
 
 They act in this order: delay, bend of the static curve, lag, limit of the rate, play, dead zone, saturation,
 sag, loss in reverse, offset. On a fan craft those of the thrust act on the force of each fan.
@@ -83,8 +83,8 @@ class RudderLag(Effect):
 class ThrustCurve(Effect):
     """Another bend of the static curve: T (1 + b (1 - abs(T)/S)) up to the scale S, T itself beyond.
 
-    Zero at zero, the same at S, and monotone for every b within its bounds. S is not sought: give the largest
-    thrust.
+    Zero at zero, unchanged at S, and monotone for every b within its bounds. S is not fitted: give the
+    largest thrust.
     """
 
     name, source, order = "thrust_curve", "second order of a static curve, its ends held", 2

@@ -1,4 +1,4 @@
-"""What the motion along one axis does to another: air carried along, and pressure on the hull."""
+"""Coupling between axes: added mass of air, and pressure on the hull."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What acts on the craft from outside: a floor that slopes, wind, a constant force."""
+"""External effects: a sloping floor, wind, a constant force."""
 
 from __future__ import annotations
 

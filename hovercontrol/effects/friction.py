@@ -1,4 +1,4 @@
-"""Friction beyond drag: in proportion to the thrust that presses, and with bristles that bend (LuGre)."""
+"""Friction proportional to the thrust, and LuGre friction with elastic bristles."""
 
 from __future__ import annotations
 
@@ -63,9 +63,9 @@ class LuGre(Effect):
         return Signal(f"lugre_{word}", self.deflection, f"bristles of friction against {self.axis}")
 
     def deflection_rate(self, c: Any, s: Any) -> sp.Expr:
-        """Return z', or where whoever steps it says how fast a state may follow (`s.fastest`), no faster.
+        """Return z', with its rate limited to `s.fastest` if that is given.
 
-        Bristles that slide follow within microseconds, and a step longer than that throws them off.
+        Sliding bristles settle within microseconds, and longer steps are unstable.
         """
         v, z = getattr(s, self.axis), self.bristles().symbol
         level = c.coulomb + (c.static - c.coulomb) * sp.exp(-((v / c.speed) ** 2))

@@ -1,4 +1,4 @@
-"""Effects that any machine may lack, made for the equations, inputs and outputs of a Block.
+"""Generic effects, made for the equations, inputs and outputs of any Block.
 
 An equation is amended only where it holds a parameter or an input: pure kinematics (``q' = v``) is exact.
 Classes made here carry the names of signals (``rate_coulomb``, ``current_lag``) and are not registered, for
@@ -24,7 +24,7 @@ from hovercontrol.effects.measurement import TimeOffset
 
 @lru_cache(maxsize=256)
 def generic_effects(block: Block) -> Mapping[str, type[Effect]]:
-    """Return the effects that a Block may lack, by name.
+    """Return the effects that could be added to a Block, by name.
 
     Parameters
     ----------

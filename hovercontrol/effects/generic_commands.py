@@ -1,4 +1,4 @@
-"""Actuators of any machine, between an input and what it drives: dead zone, play, lag, limits."""
+"""Generic actuator effects at an input: dead zone, play, lag, limits."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an equation of any machine may lack: an offset, drag, dry friction, a spring."""
+"""Generic effects in an equation: an offset, drag, dry friction, a spring."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What may lie between an output of any machine and its log: a bias, a wrong scale."""
+"""Generic measurement effects: a bias, a wrong scale."""
 
 from __future__ import annotations
 

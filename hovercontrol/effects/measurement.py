@@ -1,4 +1,4 @@
-"""Measurement effects: biases, scales, and where and when a sensor looks."""
+"""Measurement effects: biases, scales, places and clocks of sensors."""
 
 from __future__ import annotations
 

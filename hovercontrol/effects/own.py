@@ -1,4 +1,4 @@
-"""Effects that somebody else writes: what is wrong with one is said in a line that names its file."""
+"""User-defined effects: errors in them become one line with the name of their file."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ HOOKS = ("terms", "motion", "commands", "states", "measured", "factors")
 
 
 def explain(cls: type, base: type) -> None:
-    """Check the class of an effect as it is defined, and let its faults be said in one line.
+    """Check the class of an effect at its definition, and report its errors in one line.
 
     Parameters
     ----------
@@ -27,7 +27,7 @@ def explain(cls: type, base: type) -> None:
     Raises
     ------
     InputError
-        If its name is none that a parameter may have, or if it defines nothing of :data:`HOOKS`.
+        If its name is not a valid parameter name, or it defines none of :data:`HOOKS`.
     """
     name: str = getattr(cls, "name", "")
     if not name.isidentifier():
@@ -42,7 +42,7 @@ def explain(cls: type, base: type) -> None:
 
 
 def _explained(name: str, hook: Callable[..., Any]) -> Callable[..., Any]:
-    """Return the method; whatever it raises is said with the effect, the file and the line."""
+    """Return the method with errors reported with effect, file and line."""
 
     @functools.wraps(hook)
     def call(*args: Any, **kwargs: Any) -> Any:
@@ -64,5 +64,5 @@ def _where(error: Exception, hook: Callable[..., Any]) -> str:
 
 def _why(error: Exception) -> str:
     if isinstance(error, AttributeError) and isinstance(getattr(error.obj, "__dict__", None), dict):
-        return f"there is no {error.name!r} here{did_you_mean(error.name, vars(error.obj))}"
+        return f"{error.name!r} does not exist here{did_you_mean(error.name, vars(error.obj))}"
     return f"{type(error).__name__}: {error}"

@@ -1,4 +1,4 @@
-"""What the actuators do: a propeller and a rudder in its stream [C17 eq 9, 10], or fixed fans."""
+"""Forces of the actuators: a propeller with a rudder [C17 eq 9, 10], or fixed fans."""
 
 from __future__ import annotations
 

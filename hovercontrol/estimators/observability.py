@@ -253,7 +253,7 @@ def warn_if_undetectable(plant: Block, measured: Sequence[str], name: str) -> No
     try:
         found = observability(plant, None, measured)
     except InputError as error:
-        raise InputError(f"{name}: {error}; give the plant other start values") from None
+        raise InputError(f"{name}: {error}; set other start values of the plant") from None
     if not found.detectable:
         warnings.warn(f"{name}: at the start values of {found.sentence()}", stacklevel=_outside())
 

@@ -263,7 +263,7 @@ def steps_between(plant: Block, period: float, name: str, given: int | None = No
         if np.isfinite(F).all():
             fastest = max(fastest, float(np.abs(np.linalg.eigvals(F)).max()))
         elif x is start:
-            raise InputError(f"{name}: the plant's Jacobian is not finite at its start values: give others")
+            raise InputError(f"{name}: the plant's Jacobian is not finite at its start values: set others")
     needed = max(1, int(np.ceil(period * fastest / LONGEST)))
     if needed > MOST_STEPS:
         raise InputError(

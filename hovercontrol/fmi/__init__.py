@@ -1,4 +1,4 @@
-"""FMUs: a Block for everyone else's tools, and everyone else's models as python-control systems."""
+"""FMUs: export of Blocks for other tools, and import of FMUs as python-control systems."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +11,7 @@ __all__ = ["export_fmu", "load"]
 
 
 def __getattr__(name: str) -> Any:
-    """Import what needs python-control and FMPy (1 s) only when it is asked for."""
+    """Import the parts that need python-control and FMPy (1 s) on first use."""
     if name == "load":
         from hovercontrol.fmi.importer.imported import load
 

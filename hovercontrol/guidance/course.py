@@ -60,15 +60,22 @@ def course_control(
     0.2
     """
     given = (
-        Signal("gain", "1/s", "yaw rate per course error", start=positive(f"{name}: gain", gain)),
-        Signal("yaw_rate", "rad/s", "largest command", start=positive(f"{name}: yaw_rate", yaw_rate)),
-        Signal("slow", "m/s", "sideslip counts less below", start=positive(f"{name}: slow", slow)),
+        Signal("gain", "1/s", "gain from course error to yaw rate", start=positive(f"{name}: gain", gain)),
+        Signal(
+            "yaw_rate", "rad/s", "largest yaw rate command", start=positive(f"{name}: yaw_rate", yaw_rate)
+        ),
+        Signal(
+            "slow",
+            "m/s",
+            "surge velocity below which sideslip counts less",
+            start=positive(f"{name}: slow", slow),
+        ),
     )
     k, most, least = (s.symbol for s in given)
     psi, u, v = (s.symbol for s in _SEEN)
     course = psi + sp.atan(v / sp.sqrt(u**2 + least**2)) if sideslip else psi
     off = COURSE_REF.symbol - course
-    error = Signal("course_error", "rad", "wanted course less course")
+    error = Signal("course_error", "rad", "course reference minus course")
     return Block(
         name,
         inputs=(COURSE_REF, *(_SEEN if sideslip else _SEEN[:1])),

@@ -122,7 +122,7 @@ def _planner(path: np.ndarray, end_heading: float, period: float) -> Block:
     corners = corner_signals(path)
     legs = len(path) - 1
     end = Signal("end_heading", "rad", "heading at the end", start=end_heading)
-    present = LEG.replace(name="present_leg", description="the leg that is flown")
+    present = LEG.replace(name="present_leg", description="number of the present leg")
     k = present.symbol
     now = leg_ends(corners, k, legs)
     after = leg_ends(corners, sp.Min(k + 1, legs - 1), legs)

@@ -96,7 +96,7 @@ def line_of_sight(
     """
     path = waypoint_array(name, points, closed)
     p = {
-        "lookahead": Signal("lookahead", "m", "distance ahead that the course points at", start=lookahead),
+        "lookahead": Signal("lookahead", "m", "lookahead distance on the leg", start=lookahead),
         "acceptance": Signal("acceptance", "m", "radius of the circle of acceptance", start=acceptance),
         "surge": Signal("surge", "m/s", "surge command under way", start=surge),
     }
@@ -136,7 +136,7 @@ def line_of_sight(
     )
 
 
-_LAST_LEG = LEG.replace(name="last_leg", description="the leg at the last tick")
+_LAST_LEG = LEG.replace(name="last_leg", description="leg at the last tick")
 _DIRECTION = sp.Symbol("leg_direction", real=True)
 _X, _Y = (s.symbol for s in _POSITION)
 

@@ -92,10 +92,12 @@ def weaving(
     p = {
         "lag": Signal("lag", "s", "time constant of the commands", start=lag, lower=1e-6),
         "ratio": Signal("ratio", "1", "modulation frequency over yaw rate", start=ratio),
-        "least_rate": Signal("least_rate", "rad/s", "modulation fades below", start=least_rate),
-        "drift_gain": Signal("drift_gain", "rad/m", "yaw rate per sway velocity", start=drift_gain),
-        "turn_gain": Signal("turn_gain", "rad/s", "yaw rate per turn missing", start=turn_gain),
-        "slow": Signal("slow", "m/s", "surge below which the drift counts less", start=0.05),
+        "least_rate": Signal(
+            "least_rate", "rad/s", "yaw rate below which the modulation fades", start=least_rate
+        ),
+        "drift_gain": Signal("drift_gain", "rad/m", "gain from drift to yaw rate", start=drift_gain),
+        "turn_gain": Signal("turn_gain", "rad/s", "gain from missing turn to yaw rate", start=turn_gain),
+        "slow": Signal("slow", "m/s", "surge velocity below which the drift counts less", start=0.05),
         "percussion": Signal(
             "percussion",
             "m",
@@ -132,7 +134,7 @@ _STATES = (
     Signal("surge_mean", "m/s", "filtered surge command"),
     Signal("yaw_rate_mean", "rad/s", "filtered yaw rate command"),
     Signal("phase", "rad", "of the modulation"),
-    Signal("turn_missing", "rad", "integral of the wanted yaw rate less the yaw rate"),
+    Signal("turn_missing", "rad", "integral of yaw rate reference minus yaw rate"),
 )
 
 

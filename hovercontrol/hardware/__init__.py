@@ -1,1 +1,1 @@
-"""Hardware of a craft, its imperfections included, as Blocks: actuators, sensors, links, and calibration."""
+"""Hardware of a craft with its imperfections, as Blocks: actuators, sensors, links, and calibration."""

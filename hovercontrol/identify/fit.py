@@ -100,7 +100,7 @@ def identify(
         raise InputError("identification needs at least one log")
     if as_model(model).is_craft:
         refuse_other_units(logs)
-    report(0.0, "reading what was measured")
+    report(0.0, "reading the measurements")
     measured = measure_shared(model, logs, most_rows)
     with threadpool_limits(1, "blas"):  # with many small matrices BLAS threads would wait for each other
         data = gather(as_model(model), measured)
@@ -182,7 +182,7 @@ def _fitted(
     try:
         return likelier_start(base_fit(subject, data, names, passed), passed)
     except FloatingPointError as error:
-        raise InputError(f"{model.name!r}: {error}: other start values may help") from error
+        raise InputError(f"{model.name!r}: {error}: try other start values") from error
 
 
 def _identified(

@@ -174,7 +174,7 @@ def run_of(name: str, fit: Fit, k: int = 0, *, restart: bool = False) -> FreeRun
     begun = [(first + np.flatnonzero(known[first:stop]), stop) for first, stop in parts]
     ranges = [(int(rows[0]), stop) for rows, stop in begun if rows.size and stop - rows[0] > 1]
     if not ranges:
-        raise InputError(f"{data.name}: nothing is known from which a simulation could start")
+        raise InputError(f"{data.name}: no measured state from which a simulation could start")
     names, reference = _reference(fit, k)
     simulated, ran = np.full(reference.shape, np.nan), np.zeros(data.time.size, dtype=bool)
     longest = problem.longest_piece

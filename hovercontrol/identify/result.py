@@ -279,7 +279,7 @@ class Identified:
         blind = [r for r in poor if r.share > MISFIT.nothing and self._ahead(r) > MISFIT.better]
         if len(blind) == len(self.remaining):
             said = f"this model does not predict the motion: {remains}"
-            said += f"; {over} ahead it is no better than that velocities stay"
+            said += f"; {over} ahead no better than assuming constant velocity"
         else:
             said = f"the model does not explain the logs: {remains}"
             said += f"; it does not predict {', '.join(r.state for r in blind)}" if blind else ""

@@ -127,7 +127,7 @@ class Study:
         if model.is_craft:
             refuse_other_units([*training, *holdout])
         _refuse_copies(model, training, holdout)
-        report(0.0, "reading what was measured")
+        report(0.0, "reading the measurements")
         measured: list[Measured] = measure_shared(model, training, MOST_ROWS)
         for log in holdout:
             measured += measure_shared(model, [log], MOST_ROWS)

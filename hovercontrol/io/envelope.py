@@ -1,4 +1,4 @@
-"""Rows to draw of a long signal: a picture has fewer dots than a log has rows."""
+"""Thinning of long signals for drawing: a figure has fewer pixels than a log has rows."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How the pictures of the package look: colours that the colour-blind tell apart, light grids, no frames."""
+"""Style of the package's figures: colours for the colour-blind, light grids, no frames."""
 
 from __future__ import annotations
 

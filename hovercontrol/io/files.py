@@ -1,7 +1,7 @@
 """Write files and folders of results atomically, and check paths before reading or writing.
 
-What is being written has a name of its own, ``.writing-HOST-PROCESS-...``, until it is complete. A run that
-was killed leaves that behind; the next that writes beside it clears it.
+A file has the temporary name ``.writing-HOST-PROCESS-...`` until it is complete. Temporary files of killed
+runs are removed by the next run that writes to the folder.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _NAME = re.compile(r"\.(writing|placing)-([0-9a-f]{8})-(\d+)-.*")
 
 
 def reason(error: BaseException) -> str:
-    """Return why the system refused something, in one line."""
+    """Return the reason of a system error, in one line."""
     if _has_null(error):  # each version of Python has words of its own
         return "embedded null byte"
     text = getattr(error, "strerror", None) or str(error) or type(error).__name__
@@ -53,12 +53,12 @@ def readable(path: str | Path, wanted: str = "a file") -> Path:
     Parameters
     ----------
     wanted : str, optional
-        What error lines call the file.
+        Name of the file in messages.
 
     Raises
     ------
     InputError
-        If it is no regular file, its name is impossible, or symbolic links lead in a circle.
+        If it is not a regular file, its name is impossible, or symbolic links form a circle.
     """
     if not isinstance(path, str | os.PathLike):
         raise InputError(f"expected the path of {wanted}, found {path!r}")
@@ -70,7 +70,7 @@ def readable(path: str | Path, wanted: str = "a file") -> Path:
     except (OSError, ValueError, RuntimeError) as error:  # a NUL in the name; a circle of links; too long
         raise InputError(f"{shortened(file)}: expected {wanted}: {reason(error)}") from None
     if not stat.S_ISREG(mode):
-        found = "a folder" if stat.S_ISDIR(mode) else "no regular file"
+        found = "a folder" if stat.S_ISDIR(mode) else "not a regular file"
         raise InputError(f"{file}: expected {wanted}, found {found}")
     return file
 
@@ -88,7 +88,7 @@ def _beside(file: Path) -> str:
 
 
 def check_folder(folder: str | Path) -> None:
-    """Refuse a folder for results that cannot be made or written, before any work is done for it.
+    """Raise if a folder for results cannot be created or written, before any work is done.
 
     Raises
     ------
@@ -187,7 +187,7 @@ def folder_made(folder: Path) -> Iterator[None]:
 
 
 def clear_dead(folder: Path) -> None:
-    """Remove what killed runs left unfinished in a folder; complete what they had only begun to move."""
+    """Remove unfinished files of killed runs in a folder; complete moves that they had begun."""
     with contextlib.suppress(OSError):
         for name in os.listdir(folder):
             found = _NAME.fullmatch(name)
@@ -199,7 +199,7 @@ def clear_dead(folder: Path) -> None:
 
 
 def clear_own() -> None:
-    """Remove what this process has not finished."""
+    """Remove the unfinished files of this process."""
     for path in list(unfinished):
         _remove(path)
 
@@ -212,7 +212,7 @@ class _TakenError(Exception):
 
 
 def _place_new(temporary: Path, target: Path) -> None:
-    """Give a file a name that nothing has."""
+    """Move a file to an unused name."""
     try:
         try:
             os.link(temporary, target)
@@ -227,7 +227,7 @@ def _place_new(temporary: Path, target: Path) -> None:
 
 @contextmanager
 def refusals(target: Path) -> Iterator[None]:
-    """Raise what the system refuses inside a ``with`` as one line that names the target."""
+    """Raise system errors inside a ``with`` as one line that names the target."""
     try:
         yield
     except InputError:
@@ -272,7 +272,7 @@ def _remove(path: Path) -> None:
 
 
 def tell(target: Path) -> None:
-    """Remember what was written, unless it is part of what is being written."""
+    """Record a written file, unless it is part of a folder being written."""
     if not _is_part(target):
         placed[:] = [target]
 
@@ -289,7 +289,7 @@ def place_files(ready: Path, target: Path) -> None:
 
 
 def temporary_prefix() -> str:
-    """Return how the names of this process' unfinished files begin."""
+    """Return the prefix of the names of this process' unfinished files."""
     return f".writing-{_host()}-{os.getpid()}-"
 
 
@@ -317,7 +317,7 @@ def shortened(path: Path) -> str:
 
 
 def umask() -> int:
-    """Return the permissions that new files do not get."""
+    """Return the permissions mask of new files."""
     mask = os.umask(0)
     os.umask(mask)
     return mask

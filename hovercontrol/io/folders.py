@@ -93,7 +93,7 @@ def write_folder(
                 for name in gone:
                     (real / name).unlink()
     for name, other in kept.items():
-        text = f"{target / name} was not written by hovercontrol, or was changed since: kept as {other}"
+        text = f"{target / name} was not written by hovercontrol, or has changed since: kept as {other}"
         warnings.warn(text, stacklevel=3)
     tell(target)
     return [target / name for name in made]

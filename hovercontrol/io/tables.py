@@ -51,7 +51,7 @@ def _hint(written: str, said: str) -> str:
     if re.search(r"=\s*[-+]?\d+,\d", line):
         return ": expected a decimal point, found a comma"
     if "overwrite" in said:
-        return f": {shown(line.split('=')[0].strip())} is there twice"
+        return f": {shown(line.split('=')[0].strip())} occurs twice"
     return ""
 
 

@@ -89,7 +89,7 @@ def text_of(error: BaseException) -> str:
 
 def _said(path: Path, error: BaseException) -> str:
     text = (error.msg or "") if isinstance(error, SyntaxError) else text_of(error)
-    why = next(iter(text.strip().splitlines()), "no more is said")
+    why = next(iter(text.strip().splitlines()), "no message")
     return f"{path}{_line(path, error)}: {type(error).__name__}: {one_line(why, 400)}"
 
 

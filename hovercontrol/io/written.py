@@ -101,7 +101,7 @@ def refuse_others(folder: Path) -> bool:
     if not os.path.lexists(folder):
         return False
     if listed(folder) is None:
-        found = "a symbolic link" if folder.is_symlink() else "what hovercontrol did not make"
+        found = "a symbolic link" if folder.is_symlink() else "files of other origin"
         raise InputError(f"{folder}: expected a folder of unfinished results, found {found}; move it away")
     inner = [entry.path for entry in os.scandir(folder) if entry.is_symlink()]
     if inner:

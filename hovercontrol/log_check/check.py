@@ -95,7 +95,7 @@ class Checked:
                 *_coefficient_table(self.coefficients),
             ]
         elif self.model and not self.errors:
-            lines += [f"{self.model} has no coefficient that a fit seeks"]
+            lines += [f"{self.model} has no coefficient to fit"]
         if not (self.errors or self.warnings):
             lines += ["", "no error found"]
         return "\n".join(lines).strip("\n").replace("\n\n\n", "\n\n")
@@ -310,7 +310,7 @@ def _column_table(f: LogFacts) -> list[str]:
         spans = [f"{s.start:.2f}-{s.stop:.2f} s ({s.reason})" for s in f.rejected[:SHOWN]]
         more = f" and {len(f.rejected) - SHOWN} more" if len(f.rejected) > SHOWN else ""
         count = sum(s.rows for s in f.rejected)
-        lines.append(f"{count} poses that no craft can reach: {', '.join(spans)}{more}")
+        lines.append(f"{count} poses that no craft could reach: {', '.join(spans)}{more}")
     return lines
 
 

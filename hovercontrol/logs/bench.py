@@ -151,7 +151,7 @@ class BenchTable:
             if above:
                 warnings.warn(
                     f"{log.name}: {above} of {command.size} values of {source!r} are above "
-                    f"{self.command[-1]:g}, the end of {self.name}; its last thrust is taken",
+                    f"{self.command[-1]:g}, the end of {self.name}; its last thrust is used",
                     stacklevel=2,
                 )
             added[target] = self.force(command)

@@ -183,7 +183,9 @@ def _heading(file: Path, source: Source, ours: str, said: str) -> Recipe | None:
     if len(names) not in (3, 4) or "+" in said:
         return None
     if ours != "psi":
-        raise ArgumentError(f"{file}: column {ours!r}: only psi can be made of a rotation, found {said!r}")
+        raise ArgumentError(
+            f"{file}: column {ours!r}: only psi can be computed from a rotation, found {said!r}"
+        )
     _known(file, source, ours, said)
     found = _UP.search(said)
     up = parse_up(found[1] if found else "z-up")

@@ -185,7 +185,7 @@ def _idle_values(commands: Log, before: Mapping[str, float] | float | None) -> M
     for name in before:
         if name not in commands.columns:
             raise InputError(
-                f"{commands.name}: idle value for {name!r}, which is no command"
+                f"{commands.name}: idle value for {name!r}, which is not a command"
                 f"{did_you_mean(name, commands.columns)}"
             )
     for name in commands.columns:

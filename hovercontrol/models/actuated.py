@@ -1,4 +1,4 @@
-"""Actuators in front of a plant: each command passes a dead zone, saturation, a rate limit and a lag.
+"""Actuators in front of a plant: dead zone, saturation, rate limit and lag of each command.
 
 Every input c of the plant becomes the applied command c_applied, in this order:
 
@@ -7,8 +7,8 @@ Every input c of the plant becomes the applied command c_applied, in this order:
     rate limit    c3' = max(-rate, min(rate, (c2 - c3) / tau))
     lag           c4' = (c3 - c4) / tau
 
-With a rate limit and a lag, one state does both, a servo of first order whose rate is limited: tau is then
-the lag's time constant in the third line, and the fourth is left out. The equations are those of
+With a rate limit and a lag, one state serves both: a first-order servo with limited rate. Then tau in the
+third line is the lag's time constant, and the fourth line is left out. The equations are those of
 :mod:`hovercontrol.effects`.
 """
 
@@ -49,26 +49,26 @@ def actuated(
     rate: float | Mapping[str, float] | None = None,
     lag: float | Mapping[str, float] | None = None,
 ) -> Block:
-    """Return a plant whose inputs pass actuators: dead zone, saturation, rate limit and lag, in this order.
+    """Return a plant with actuators at its inputs: dead zone, saturation, rate limit and lag, in this order.
 
     The result is a Block, so NumPy, C, python-control and FMUs all apply the same limits. The actuators rest
-    at the inputs' start values. Each input that passes an actuator gets an output ``NAME_applied``: the
-    command that acts on the plant, for plots and for the anti-windup of controllers.
+    at the inputs' start values. Each input with an actuator gets an output ``NAME_applied``, the command that
+    acts on the plant. Plots and the anti-windup of controllers use it.
 
     Parameters
     ----------
     model : Model, BlockModel or Block
-        The plant; of a model :meth:`plant`.
+        The plant, or a model with the method ``plant()``.
     bounds : bool or mapping of str to (float, float), optional
         Saturate each input at the bounds of its Signal, or at these (lower, upper) in the input's unit; the
         bounds become parameters ``PLANT.NAME_lower`` and ``PLANT.NAME_upper``.
     deadzone : float or mapping of str to float, optional
-        Half width of the dead zone, in the input's unit. A number without a name is for all inputs, which
-        must then have one unit.
+        Half width of the dead zone, in the input's unit. A single number applies to all inputs, which must
+        then have the same unit.
     rate : float or mapping of str to float, optional
-        Largest rate of the actuator, in the input's unit per second; likewise.
+        Largest rate of the actuator, in the input's unit per second. A single number applies to all inputs.
     lag : float or mapping of str to float, optional
-        Time constant of a first-order lag [s]; a number without a name is for all inputs.
+        Time constant of a first-order lag [s]. A single number applies to all inputs.
 
     Returns
     -------
@@ -79,8 +79,8 @@ def actuated(
     Raises
     ------
     InputError
-        If a name is no input, a number is not positive, lower is above upper, an input passes an actuator
-        already, or a sampled Block is given a rate limit or a lag.
+        If a name is not an input, a number is not positive, lower is above upper, an input already has an
+        actuator, or a sampled Block is given a rate limit or a lag.
 
     Examples
     --------
@@ -109,7 +109,7 @@ def actuated(
         way.pass_through(bounds is not False, **own)
         if way.acts:
             if inputs[name].saturates or f"{name}{APPLIED}" in {s.name for s in block.outputs}:
-                raise InputError(block.where(f"the input {name!r} passes an actuator already"))
+                raise InputError(block.where(f"the input {name!r} already has an actuator"))
             ways.append(way)
     return _with_ways(block, ways)
 
@@ -129,7 +129,7 @@ def saturated(block: Block) -> Block:
 
 @dataclass
 class _Way:
-    """One command on its way through its actuator."""
+    """A command at one stage of its actuator."""
 
     owner: str
     signal: Signal
@@ -143,13 +143,13 @@ class _Way:
 
     @property
     def acts(self) -> bool:
-        """Whether the command does not pass as it is."""
+        """Whether the actuator changes the command."""
         return self.command != self.signal.symbol
 
     def pass_through(
         self, saturated: bool, deadzone: float | None, rate: float | None, lag: float | None
     ) -> None:
-        """Let the command pass, in the order of this module."""
+        """Apply the actuator's parts to the command, in the order of this module."""
         of = (self.signal.name, self.signal.unit)
         if deadzone is not None:
             self._let(deadzone_class(*of)(width=deadzone))
@@ -181,7 +181,7 @@ class _Way:
         self.saturates = any(b is not None for b in symbols)
 
     def _let(self, effect: Effect) -> None:
-        """Let an effect act on the command; its state, if any, starts at rest there."""
+        """Apply an effect to the command; its state, if any, starts at rest."""
         name = self.signal.name
         rest = self._at_start()
         way = SimpleNamespace(
@@ -198,7 +198,7 @@ class _Way:
 
 
 def _bounded(block: Block, bounds: bool | Mapping[str, tuple[float, float]]) -> dict[str, Signal]:
-    """Return the inputs by name, with the bounds that are asked for."""
+    """Return the inputs by name, with the requested bounds."""
     inputs = {s.name: s for s in block.inputs if not s.modes}
     for name, pair in {}.items() if isinstance(bounds, bool) else bounds.items():
         if name not in inputs:
@@ -212,7 +212,7 @@ def _bounded(block: Block, bounds: bool | Mapping[str, tuple[float, float]]) -> 
 
 
 def _by_input(block: Block, what: str, given: Numbers) -> dict[str, float]:
-    """Return a positive number for each input that has one."""
+    """Return the given positive number of each input."""
     inputs = {s.name: s for s in block.inputs if not s.modes}
     if given is None:
         return {}
@@ -234,14 +234,14 @@ def _by_input(block: Block, what: str, given: Numbers) -> dict[str, float]:
 
 
 def _with_ways(block: Block, ways: list[_Way]) -> Block:
-    """Return the Block with each command replaced by what its way makes of it."""
+    """Return the Block with each command replaced by the output of its actuator."""
     if not ways:
         return block
     applied = {
         w.signal.name: Signal(
             f"{w.signal.name}{APPLIED}",
             w.signal.unit,
-            f"{w.signal.name} as applied, behind the actuator's limits",
+            f"{w.signal.name} applied by the actuator",
             nominal=w.signal.nominal,
         )
         for w in ways

@@ -1,4 +1,4 @@
-"""Estimators that see the commands as a plant's actuators apply them."""
+"""Estimators fed with the commands that a plant's actuators apply."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from hovercontrol.models.actuated import APPLIED
 def applied_inputs(block: Block, plant: Block) -> Block:
     """Return an estimator or observer that takes the applied commands of a plant as its inputs.
 
-    Where a limit acts, an estimator that sees the command as it was sent takes the difference for an error of
-    its coefficients, and winds up.
+    While a limit is active, an estimator that sees the unlimited command attributes the difference to its
+    coefficients, and winds up.
 
     Parameters
     ----------
@@ -26,7 +26,7 @@ def applied_inputs(block: Block, plant: Block) -> Block:
     Raises
     ------
     InputError
-        If the plant tells no applied command that is an input of the Block.
+        If no applied command of the plant is an input of the Block.
 
     Examples
     --------
@@ -43,6 +43,6 @@ def applied_inputs(block: Block, plant: Block) -> Block:
     swap = {s.name: f"{s.name}{APPLIED}" for s in block.inputs if f"{s.name}{APPLIED}" in told}
     if not swap:
         raise InputError(
-            plant.where(f"it tells no applied command that {block.name!r} takes; see actuated()")
+            plant.where(f"it has no applied command that is an input of {block.name!r}; see actuated()")
         )
     return rename(block, swap)

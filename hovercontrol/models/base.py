@@ -1,4 +1,4 @@
-"""What every model can be asked, whatever it is made of: a craft's effects, or a Block with effects added."""
+"""Interface of all models: a craft as a list of effects, or a Block with added effects."""
 
 from __future__ import annotations
 
@@ -24,66 +24,66 @@ _MEASURED = "_measured"
 
 
 def effect_lines(effects: Sequence[Effect]) -> list[str]:
-    """Return effects with their values as lines that a prompt shows."""
+    """Return effects and their values as lines of text."""
     text = listed(map(repr, effects), len(effects))
     return textwrap.wrap(text, WIDTH, initial_indent="  ", subsequent_indent="  ")
 
 
 class EffectModel(ABC):
-    """A list of effects and the plant that they make; what estimation and the search for effects work on.
+    """A list of effects and the resulting plant; estimation and the search for effects use this interface.
 
     Attributes
     ----------
     is_craft : bool
-        Whether it moves in the plane, with pose and body velocities: its logs have a frame.
+        Whether the model is a planar craft with pose and body velocities, so that its logs have a frame.
     """
 
     is_craft: ClassVar[bool] = False
 
     @property
     def pushed(self) -> tuple[str, ...]:
-        """The states on which an effect may push though nothing in the model does yet."""
+        """States whose equations an effect may extend though no effect of the model acts there yet."""
         return ()
 
     if TYPE_CHECKING:
 
         @property
         def name(self) -> str:
-            """What files and errors call it."""
+            """Name used in files and messages."""
 
         @property
         def effects(self) -> tuple[Effect, ...]:
-            """Those that it has."""
+            """The effects of the model."""
 
     @property
     @abstractmethod
     def signature(self) -> tuple[Hashable, ...]:
-        """What the plant's equations depend on: all but the numbers."""
+        """Everything that determines the plant's equations except the values of coefficients."""
 
     @property
     @abstractmethod
     def motion(self) -> tuple[str, ...]:
-        """The states that it has without any effect: no part of the commands' way."""
+        """States of the motion, without the states that effects add."""
 
     @abstractmethod
     def accepts(self, cls: type[Effect]) -> bool:
-        """Tell whether an effect may be missing."""
+        """Return whether the model can take the effect."""
 
     @abstractmethod
     def candidates(self) -> tuple[type[Effect], ...]:
-        """Return the effects that may be missing and that the model does not have yet."""
+        """Return the effects that could be added to the model."""
 
     @abstractmethod
     def coefficients(self) -> dict[str, float]:
-        """Return every number, by parameter name."""
+        """Return all coefficients by parameter name."""
 
     @abstractmethod
     def with_coefficients(self, values: Mapping[str, float]) -> Self:
-        """Return the model with other numbers, by parameter name."""
+        """Return the model with other values, by parameter name."""
 
     @abstractmethod
     def linear_coefficients(self) -> tuple[str, ...]:
-        """Return the parameter names of what an estimator may estimate: no shapes."""
+        """Return the names of the coefficients in which the plant is linear (estimable ones)."""
 
     @abstractmethod
     def input_units(self) -> dict[str, str]:
@@ -91,20 +91,21 @@ class EffectModel(ABC):
 
     @abstractmethod
     def input_size(self, cls: type[Effect], inputs: Mapping[str, ArrayLike]) -> float:
-        """Return the largest size of what an input effect acts on."""
+        """Return the largest magnitude of the input on which an input effect acts."""
 
     @abstractmethod
     def timing(self) -> tuple[str, str]:
-        """Return the parameters that say how late inputs act and how late measurements are, or ``""``."""
+        """Return the parameter names of the input delay and the measurement delay; ``""`` for none."""
 
     @abstractmethod
     def plant(
         self, *, late: bool = False, fastest: float | None = None, limited: bool | None = None
     ) -> Block:
-        """Return the plant; without delays if the caller shifts commands and clock (`late`).
+        """Return the plant.
 
-        States of effects follow others at a rate of `fastest` at most [1/s], if given. Where it is `limited`,
-        by default as the model says, its inputs saturate at their bounds.
+        With `late` it has no delays; the caller shifts commands and clock. `fastest` [1/s], if given, bounds
+        the rate of the states of effects. With `limited` (default: the model's own setting) inputs saturate
+        at their bounds.
         """
 
     # ---- the same for all ----------------------------------------------------------------------------
@@ -115,7 +116,7 @@ class EffectModel(ABC):
         Raises
         ------
         InputError
-            If no effect has that name; the nearest one is in the text.
+            If no effect has that name; the message names the nearest one.
         """
         return effect_class(name)
 
@@ -126,7 +127,7 @@ class EffectModel(ABC):
         Raises
         ------
         InputError
-            If the model has none; the nearest is named.
+            If the model has no such effect; the message names the nearest one.
         """
         for effect in self.effects:
             if effect.name == name:
@@ -136,12 +137,12 @@ class EffectModel(ABC):
 
     @checked
     def with_effects(self, effects: Iterable[Effect]) -> Self:
-        """Return the model with these effects added, or put in place of those of the same name."""
+        """Return the model with these effects added; effects of the same name are replaced."""
         new = {e.name: e for e in self.effects} | {e.name: e for e in effects}
         return cast(Self, replace(cast(Any, self), effects=tuple(new.values())))
 
     def without_effects(self, *names: str) -> Self:
-        """Return the model less some of its effects, all else as it is."""
+        """Return the model without the named effects."""
         left = tuple(e for e in self.effects if e.name not in names)
         return cast(Self, replace(cast(Any, self), effects=left))
 
@@ -150,14 +151,14 @@ class EffectModel(ABC):
         return name.rpartition(".")[2]
 
     def nominal_sizes(self) -> dict[str, float]:
-        """Return the size against which an error of each coefficient is held."""
+        """Return the nominal size of each coefficient, the scale of its error."""
         return {name: abs(value) or 1.0 for name, value in self.coefficients().items()}
 
     def _refuse_twice(self) -> None:
         names = [e.name for e in self.effects]
         for name in names:
             if names.count(name) > 1:
-                raise InputError(f"model {self.name!r}: the effect {name!r} stands twice")
+                raise InputError(f"model {self.name!r}: the effect {name!r} is listed twice")
 
     def _refuse_unknown(self, names: Iterable[str]) -> None:
         known = self.coefficients()
@@ -181,12 +182,12 @@ class EffectModel(ABC):
 
 
 def as_measured(signal: Signal) -> Signal:
-    """Return the output of a plant that says what a sensor sees of a quantity."""
-    return signal.replace(name=signal.name + _MEASURED, description=f"{signal.description}, as measured")
+    """Return the plant's output for a quantity as its sensor measures it."""
+    return signal.replace(name=signal.name + _MEASURED, description=f"{signal.description}, measured")
 
 
 def shown_by(outputs: Collection[str], channel: str) -> str:
-    """Return the output that shows a channel: as measured, where a sensor sees something else than there is.
+    """Return the output that corresponds to a channel of a log: the measured one where a sensor has an error.
 
     Examples
     --------
@@ -198,7 +199,7 @@ def shown_by(outputs: Collection[str], channel: str) -> str:
 
 
 def quantity_of(output: str) -> tuple[str, bool]:
-    """Return what an output shows, and whether as its sensor sees it.
+    """Return the quantity of an output, and whether it is the measured one.
 
     Examples
     --------
@@ -209,12 +210,12 @@ def quantity_of(output: str) -> tuple[str, bool]:
 
 
 def rate_limit(owner: str, fastest: float | None) -> Signal | None:
-    """Return the parameter that says how fast states of effects may follow others.
+    """Return the parameter for the largest rate of the states of effects.
 
     Raises
     ------
     InputError
-        If that is no positive rate.
+        If the rate is not positive.
     """
     if fastest is None:
         return None
@@ -226,7 +227,7 @@ def rate_limit(owner: str, fastest: float | None) -> Signal | None:
 def delays_of(
     timing: tuple[str, str], inputs: Iterable[Signal], values: Mapping[str, float]
 ) -> dict[str, sp.Expr]:
-    """Return how late commands act on what is measured: their own delay and that of the measurements' clock.
+    """Return the total delay from command to measurement: input delay plus delay of the measurements' clock.
 
     Parameters
     ----------
@@ -244,7 +245,7 @@ def delays_of(
     total = sum(values[name.rpartition(".")[2]] for name in names)
     if total < 0:
         raise InputError(
-            f"{' + '.join(names)} = {total:g} s: measurements that are early see commands before they are "
+            f"{' + '.join(names)} = {total:g} s: measurements would react to commands before they are "
             "sent, which cannot be simulated; shift the log's commands and leave the effect out"
         )
     delay = sp.Add(*(sp.Symbol(name, real=True) for name in names))

@@ -1,4 +1,4 @@
-"""Any Block as a model to which effects can be added: a servo with friction, a ship, a plant of your own."""
+"""A model made of any Block and added effects: a servo with friction, a ship, an own plant."""
 
 from __future__ import annotations
 
@@ -27,37 +27,37 @@ from hovercontrol.models.base import EffectModel, as_measured, delays_of, effect
 
 #: Names that a signal may not have, and why.
 TAKEN = {
-    "time": "effects see the time under that name",
-    "true": "effects see what is there, before any sensor's error, under that name",
-    "late": "effects say under that name how late measurements are",
+    "time": "effects use this name for the time",
+    "true": "effects use this name for the true quantities",
+    "late": "effects use this name for the delay of measurements",
 }
 
 
 @checked
 @dataclass(frozen=True)
 class BlockModel(EffectModel):
-    """A Block and the effects added to it.
+    """A Block with added effects.
 
-    What effects see (``s`` in ``terms(c, s)``) are the Block's states and inputs by name, and ``time``; what
-    they add to is named by state. In ``commands``, ``s.thrusts`` holds every input.
+    In ``terms(c, s)`` of an effect, ``s`` has the Block's states and inputs by name, and ``time``; the result
+    is keyed by state. In ``commands``, ``s.thrusts`` has all inputs.
 
     Parameters
     ----------
     block : Block
         Linear in its force coefficients.
     catalogue : sequence of str, optional
-        Names of the effects that may be missing; default: all that any machine may lack,
+        Names of the effects that could be added; default: all effects of
         :func:`~hovercontrol.effects.generic.generic_effects` of the Block.
     effects : sequence of Effect, optional
-        Those that it has.
+        Effects of the model.
     limited : bool, optional
         Whether the plant's inputs saturate at their bounds, before any effect acts on them.
 
     Raises
     ------
     InputError
-        If an effect is unknown, stands twice, or acts on a state that the Block does not have, or if a signal
-        has a name that effects use for something else.
+        If an effect is unknown, listed twice, or acts on a state that the Block does not have, or if a signal
+        has a reserved name.
 
     Examples
     --------
@@ -102,7 +102,7 @@ class BlockModel(EffectModel):
         self.block.need_prompt_inputs("a model")
         for s in (*self.block.states, *self.block.inputs, *self.block.parameters, *self.block.outputs):
             if s.name in TAKEN:
-                raise InputError(self.block.where(f"no signal may be called {s.name!r}: {TAKEN[s.name]}"))
+                raise InputError(self.block.where(f"reserved signal name {s.name!r}: {TAKEN[s.name]}"))
         self._refuse_twice()
 
     def _repr_html_(self) -> str:
@@ -122,7 +122,7 @@ class BlockModel(EffectModel):
 
     @cached_property
     def pushed(self) -> tuple[str, ...]:
-        """The states on which an effect of the catalogue acts; those of every machine act where others do."""
+        """States on which an effect of the catalogue acts."""
         if self.catalogue is None:
             return ()
         motion = self._motion({s.name: s.symbol for s in self.block.inputs})
@@ -135,7 +135,7 @@ class BlockModel(EffectModel):
 
     @property
     def signature(self) -> tuple[Hashable, ...]:
-        """What the plant depends on: all but the numbers of coefficients."""
+        """Everything that determines the plant except the values of coefficients."""
         block = self.block
         parameters = ((s.name, s.unit, s.nominal, s.lower, s.upper) for s in block.parameters)
         expressions = (block.derivatives, block.output_expressions, block.definitions)
@@ -147,24 +147,24 @@ class BlockModel(EffectModel):
         )
 
     def accepts(self, cls: type[Effect]) -> bool:
-        """Tell whether an effect may be missing."""
+        """Return whether the model can take the effect."""
         if self.catalogue is None:
             return generic_effects(self.block).get(cls.name) is cls
         return cls.name in self.catalogue
 
     def candidates(self) -> tuple[type[Effect], ...]:
-        """Return the effects that may be missing and that the model does not have yet."""
+        """Return the effects that could be added to the model."""
         names = generic_effects(self.block) if self.catalogue is None else self.catalogue
         have = {e.name for e in self.effects}
         return tuple(self.effect_class(name) for name in names if name not in have)
 
     def effect_class(self, name: str) -> type[Effect]:
-        """Return the class of an effect: a known one, or one that any machine may lack.
+        """Return the class of an effect: a known one, or a generic one of the Block.
 
         Raises
         ------
         InputError
-            If no effect has that name; the nearest one is in the text.
+            If no effect has that name; the message names the nearest one.
         """
         if self.catalogue is not None and name in Effect.known:
             return effect_class(name)
@@ -174,13 +174,13 @@ class BlockModel(EffectModel):
         return generic.get(name) or effect_class(name)
 
     def linear_coefficients(self) -> tuple[str, ...]:
-        """Return the names of those in which the Block is linear, and of the effects'."""
+        """Return the names of the coefficients in which the plant is linear, the Block's and the effects'."""
         linear = linear_parameters(self.block)
         own = tuple(name for name, p in self._parameters.items() if p.name in linear)
         return (*own, *self._linear_in_effects())
 
     def coefficients(self) -> dict[str, float]:
-        """Return the value of every parameter of the Block, and every number of every effect."""
+        """Return the values of the Block's parameters and of the effects' coefficients."""
         return {name: p.start for name, p in self._parameters.items()} | self._effect_coefficients()
 
     def coefficient_name(self, name: str) -> str:
@@ -207,7 +207,7 @@ class BlockModel(EffectModel):
         }
 
     def with_coefficients(self, values: Mapping[str, float]) -> BlockModel:
-        """Return the model with other numbers.
+        """Return the model with other values of its coefficients.
 
         Parameters
         ----------
@@ -217,7 +217,7 @@ class BlockModel(EffectModel):
         Raises
         ------
         InputError
-            If a name is unknown or a value out of bounds.
+            If a name is unknown or a value is out of bounds.
         """
         self._refuse_unknown(values)
         added = self._effect_coefficients()
@@ -230,7 +230,7 @@ class BlockModel(EffectModel):
         return {s.name: s.unit for s in self.block.inputs}
 
     def input_size(self, cls: type[Effect], inputs: Mapping[str, ArrayLike]) -> float:
-        """Return the largest size of what an input effect acts on: its own input, or all; as of a Model.
+        """Return the largest magnitude of an input effect's input: its own input, or all inputs.
 
         Parameters
         ----------
@@ -243,13 +243,13 @@ class BlockModel(EffectModel):
         return max(sizes, default=0.0)
 
     def _units(self) -> dict[str, str]:
-        """Return the units of the inputs, and what effects call ``{thrust}``: the one that all share."""
+        """Return the units of the inputs; ``thrust`` is the unit that all inputs share."""
         units = self.input_units()
         shared = set(units.values())
         return {"thrust": shared.pop(), **units} if len(shared) == 1 else units
 
     def timing(self, owner: str = "") -> tuple[str, str]:
-        """Return the parameters that say how late inputs act and how late measurements are, or ``""``.
+        """Return the parameter names of the input delay and the measurement delay; ``""`` for none.
 
         Parameters
         ----------
@@ -281,7 +281,7 @@ class BlockModel(EffectModel):
         return seen
 
     def _motion(self, inputs: Mapping[str, sp.Expr], limit: Signal | None = None) -> SimpleNamespace:
-        """Return what effects see in ``terms`` and ``states``."""
+        """Return the symbols that effects use in ``terms`` and ``states``."""
         return SimpleNamespace(
             **{
                 "fastest": limit.symbol if limit else None,  # unless the Block has a signal of that name
@@ -299,16 +299,16 @@ class BlockModel(EffectModel):
         Parameters
         ----------
         late : bool, optional
-            Whether the caller shifts inputs and clock itself (:meth:`timing`): a Block without delays.
+            Whether the caller shifts inputs and clock itself (:meth:`timing`); the Block then has no delays.
         fastest : float, optional
-            Largest rate at which states of effects follow the others [1/s], for who steps it coarsely.
+            Largest rate of the states of effects [1/s], for coarse steps.
         limited : bool, optional
-            Saturate each input at its bounds before anything else acts on it. Default: as the model says.
+            Saturate each input at its bounds before any effect acts on it. Default: the model's own setting.
 
         Raises
         ------
         InputError
-            If an effect acts on a state that is not there, inputs would act before they are sent, or
+            If an effect acts on a state that does not exist, inputs would act before they are sent, or
             `fastest` is not positive.
         """
         block = self._amended(late, fastest) if self.effects else self.block

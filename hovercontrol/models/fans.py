@@ -31,7 +31,7 @@ class Polynomial:
     Raises
     ------
     InputError
-        If there is none or one is no finite number.
+        If there is no coefficient, or one is not finite.
 
     Examples
     --------
@@ -47,7 +47,7 @@ class Polynomial:
 
     @property
     def bounds(self) -> tuple[float, float]:
-        """Smallest and largest signal: a fan does not push backward."""
+        """Smallest and largest signal; a fan with a polynomial curve does not reverse."""
         return 0.0, math.inf
 
     def parameters(self, prefix: str, fan: str) -> tuple[Signal, ...]:
@@ -74,19 +74,19 @@ class Polynomial:
 
 @dataclass(frozen=True)
 class BenchCurve:
-    """A static curve of a fan as measured on a bench: straight lines between the points, its ends held.
+    """A static curve of a fan measured on a bench: linear between the points, constant beyond them.
 
     Parameters
     ----------
     signals : sequence of float
-        Increasing, two at least.
+        Two or more, increasing.
     forces : sequence of float
         Force [N] at each.
 
     Raises
     ------
     InputError
-        If the two do not fit, signals do not increase, a value is no finite number, or all forces are zero.
+        If lengths differ, signals do not increase, a value is not finite, or all forces are zero.
 
     Examples
     --------
@@ -104,7 +104,7 @@ class BenchCurve:
         object.__setattr__(self, "forces", _numbers("curve.force", self.forces, 2))
         if len(self.signals) != len(self.forces):
             raise InputError(
-                f"curve: as many signals as forces wanted, found {len(self.signals)} and {len(self.forces)}"
+                f"curve: expected as many signals as forces, found {len(self.signals)} and {len(self.forces)}"
             )
         for before, after in zip(self.signals, self.signals[1:], strict=False):
             if not before < after:
@@ -123,7 +123,7 @@ class BenchCurve:
         return max(map(abs, self.forces))
 
     def parameters(self, prefix: str, fan: str) -> tuple[Signal, ...]:
-        """Return the largest force as a parameter of a plant; the curve's form is a table of numbers."""
+        """Return the largest force as a parameter of a plant; the curve's shape is a table of constants."""
         text = f"largest force on the static curve of the fan {fan}"
         return (Signal(f"{prefix}_full", "N", text, start=self.full, nominal=self.full),)
 
@@ -153,17 +153,17 @@ class Fan:
         Static curve from signal to force; numbers are the coefficients of a :class:`Polynomial`. Without it
         the input is the force.
     gain : float, optional
-        What the force is multiplied by, a coefficient of the model; without it there is none.
+        Factor of the force, a coefficient of the model. Default: no such coefficient.
     reverses : bool, optional
-        Whether it pulls, too: its force may be negative. A curve says so by its signals instead.
+        Whether the force may be negative. With a measured curve, its signals decide.
     upper : float, optional
-        Largest command, in its unit; with `reverses` also backward. A curve measured on a bench ends at its
-        last point instead.
+        Largest command, in its unit; with `reverses` in both directions. A measured curve ends at its last
+        point.
 
     Raises
     ------
     InputError
-        If the curve, the gain or the bound is no such thing, or a fan with a curve is said to reverse.
+        If the curve, the gain or the bound is not valid, or `reverses` is set for a fan with a curve.
 
     Examples
     --------
@@ -202,7 +202,7 @@ class Fan:
 
     @property
     def _law(self) -> Polynomial | BenchCurve | None:
-        """The static curve, made from its coefficients where those were given."""
+        """The static curve; given coefficients make a :class:`Polynomial`."""
         return typing.cast("Polynomial | BenchCurve | None", self.curve)
 
     def command(self) -> Signal:
@@ -275,7 +275,7 @@ class Fan:
         return Signal(f"{owner}.{self.name}_cross_arm", "m", text, start=arm, nominal=abs(arm) or 1.0)
 
     def gain_signal(self, owner: str) -> Signal:
-        """Return the plant's parameter: what the force is multiplied by.
+        """Return the plant's parameter: the factor of the force.
 
         Parameters
         ----------
@@ -306,5 +306,5 @@ def _numbers(where: str, given: Any, least: int) -> tuple[float, ...]:
         raise InputError(f"{where} must be a list of numbers, found {given!r}")
     found = tuple(number(f"{where}[{i}]", value) for i, value in enumerate(given))
     if len(found) < least or not all(map(math.isfinite, found)):
-        raise InputError(f"{where} must be a list of {least} finite numbers at least, found {list(found)!r}")
+        raise InputError(f"{where} must be a list of {least} or more finite numbers, found {list(found)!r}")
     return found

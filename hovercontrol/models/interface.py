@@ -13,12 +13,12 @@ AnyModel = Model | BlockModel | Block
 
 @checked
 def as_model(model: AnyModel) -> Model | BlockModel:
-    """Return a model with effects: a Block becomes a BlockModel without any, others are returned as they are.
+    """Return a model: a Block becomes a BlockModel without effects, a model is returned unchanged.
 
     Raises
     ------
     InputError
-        If a Block cannot be a model: its inputs act late, or a signal has a name that effects use.
+        If a Block cannot be a model: its inputs have delays, or a signal has a reserved name.
 
     Examples
     --------

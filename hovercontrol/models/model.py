@@ -52,11 +52,11 @@ class Model(EffectModel):
     Parameters
     ----------
     name : str
-        What pictures and files call it.
+        Name used in figures and files.
     effects : sequence of Effect
         Each name at most once.
     thrust, rudder : Signal, optional
-        Unit and bounds of the rudder craft's commands, where they differ from the default.
+        Commands of the rudder craft, if unit or bounds differ from the default.
     fans : sequence of Fan, optional
         The fans of a fan craft.
     limited : bool, optional
@@ -65,7 +65,7 @@ class Model(EffectModel):
     Raises
     ------
     InputError
-        If an effect stands twice, or fans are missing that an effect needs.
+        If an effect is listed twice, or an effect needs fans and there are none.
 
     Examples
     --------
@@ -122,7 +122,7 @@ class Model(EffectModel):
 
     @property
     def signature(self) -> tuple[Hashable, ...]:
-        """What the plant's equations depend on: all but the numbers."""
+        """Everything that determines the plant's equations except the values of coefficients."""
         inputs = (self.thrust, self.rudder, self._fans_alike(), self.limited)
         return (self.name, *inputs, *(type(e) for e in self.effects))
 
@@ -136,10 +136,10 @@ class Model(EffectModel):
         return model_html(self)
 
     def accepts(self, cls: type[Effect]) -> bool:
-        """Tell whether an effect may be missing: the craft has what it acts on.
+        """Return whether the model can take the effect: the craft has the equation or input on which it acts.
 
-        Of two that are the same on different craft (``thrust_lag``, ``fan_lag``) only that of the model's own
-        craft may, and not where the model has the other.
+        Of two effects that are the same on different craft (``thrust_lag``, ``fan_lag``), a model takes only
+        the one of its own craft, and neither if it already has the other.
         """
         names = {e.name for e in self.effects}
         if cls.instead_of in names:
@@ -153,9 +153,9 @@ class Model(EffectModel):
         return cls.kind() != "input" or has_rudder or uses_fans
 
     def candidates(self) -> tuple[type[Effect], ...]:
-        """Return all known effects that may be missing: accepted, and not in the model yet.
+        """Return all known effects that could be added to the model.
 
-        Without those that are named only where a search is asked for them (``mass_drift``).
+        Effects that a search considers only on request (``mass_drift``) are left out.
 
         Examples
         --------
@@ -168,13 +168,13 @@ class Model(EffectModel):
         return tuple(cls for cls in known if self.accepts(cls) and not cls.mistaken_for)
 
     def coefficients(self) -> dict[str, float]:
-        """Return every number of every effect, and fans' gains where given, by parameter name."""
+        """Return all coefficients of the effects, and given gains of fans, by parameter name."""
         gains = {f"{f.name}_gain": f.gain for f in self.fans if f.gain is not None}
         return self._effect_coefficients() | gains
 
     @checked
     def with_coefficients(self, values: Mapping[str, float]) -> Model:
-        """Return the model with other numbers, by parameter name (``yaw_coulomb``, ``yaw_coulomb_width``).
+        """Return the model with other values, by parameter name (``yaw_coulomb``, ``yaw_coulomb_width``).
 
         Parameters
         ----------
@@ -184,7 +184,7 @@ class Model(EffectModel):
         Raises
         ------
         InputError
-            If a name is unknown or a value out of bounds.
+            If a name is unknown or a value is out of bounds.
         """
         self._refuse_unknown(values)
         fans = (
@@ -198,18 +198,18 @@ class Model(EffectModel):
         return {"thrust": self.thrust.unit, "rudder": self.rudder.unit} | fans
 
     def units_seen_by(self, cls: type[Effect]) -> dict[str, str]:
-        """Return the units that an effect's own are written in: input effects act on the fans' forces."""
+        """Return the units that replace ``{thrust}`` and the like in an effect's units."""
         if not self.fans or cls.kind() != "input":
             return self.input_units()
         return {"thrust": "N", "rudder": self.rudder.unit} | {f.name: "N" for f in self.fans}
 
     def input_size(self, cls: type[Effect], inputs: Mapping[str, ArrayLike]) -> float:
-        """Return the largest size of what an input effect acts on: the thrust, or the fans' forces.
+        """Return the largest magnitude of an input effect's input: the thrust, or the fans' forces.
 
         Parameters
         ----------
         cls : type of Effect
-            With a shape in parts of it (``of="input"``).
+            A class with a shape parameter in multiples of the input (``of="input"``).
         inputs : mapping of str to array_like
             Commands of logs by name.
         """
@@ -219,7 +219,7 @@ class Model(EffectModel):
         return max((float(np.abs(a).max(initial=0.0)) for a in acting), default=0.0)
 
     def parameters(self, owner: str = "plant") -> tuple[Signal, ...]:
-        """Return the numbers of all effects, and what places and drives fans, as parameters of a Block.
+        """Return the coefficients of all effects and the numbers of the fans as parameters of a Block.
 
         Parameters
         ----------
@@ -232,9 +232,9 @@ class Model(EffectModel):
         return effects + fans + (tuple(f.cross_arm(owner) for f in self.fans) if turned else ())
 
     def linear_coefficients(self) -> tuple[str, ...]:
-        """Return the parameter names of the coefficients, without shapes: what an estimator may estimate.
+        """Return the names of the coefficients in which the plant is linear; an estimator can estimate these.
 
-        Given gains of fans are among them; each is known only against the gains that all fans share.
+        They include given gains of fans. Only ratios of these gains are determined.
         """
         return (*self._linear_in_effects(), *(f"{f.name}_gain" for f in self.fans if f.gain is not None))
 
@@ -244,14 +244,14 @@ class Model(EffectModel):
         Parameters
         ----------
         owner : str
-            Name of the Block whose parameters the numbers are.
+            Name of the Block; its parameters are the coefficients.
         motion : namespace
             As :func:`motion_symbols` gives it, or with other expressions in its place.
 
         Raises
         ------
         InputError
-            If an effect's terms are no dict of these equations.
+            If the terms of an effect are not a dict with these keys.
         """
         total = dict.fromkeys(("u", "v", "r"), sp.S.Zero)
         seen = self._motion_seen(owner, motion)
@@ -270,14 +270,14 @@ class Model(EffectModel):
         return total
 
     def _motion_seen(self, owner: str, motion: SimpleNamespace) -> SimpleNamespace:
-        """Let the effects change what all of them see of the motion."""
+        """Apply the effects that change the motion seen by all effects."""
         seen = SimpleNamespace(**vars(motion))
         for e in self.effects:
             e.motion(e.symbols(owner), seen)
         return seen
 
     def own_states(self, owner: str, motion: SimpleNamespace) -> dict[Signal, sp.Expr]:
-        """Return the states that effects add to the plant and that depend on the motion, with derivatives.
+        """Return the states that effects add to the motion, with their derivatives.
 
         Parameters
         ----------
@@ -290,9 +290,9 @@ class Model(EffectModel):
     def _command_way(
         self, owner: str, motion: SimpleNamespace
     ) -> tuple[dict[Signal, sp.Expr], SimpleNamespace]:
-        """Let the effects change the commands on their way; return their states' derivatives and the way.
+        """Apply the input effects to the commands; return the derivatives of their states, and the commands.
 
-        Computed once for the effects that do: SymPy takes its time over nested limits and dead zones.
+        The result is kept, because SymPy is slow on nested limits and dead zones.
         """
         changing = sorted((e for e in self.effects if e.kind() == "input"), key=lambda e: e.order)
         key = (owner, self.thrust, self.rudder, self._fans_alike(), *(type(e) for e in changing))
@@ -312,7 +312,7 @@ class Model(EffectModel):
         return dict(states), way
 
     def _seen(self, owner: str) -> SimpleNamespace:
-        """Let the effects change what sensors see of the motion."""
+        """Apply the measurement effects to the motion."""
         symbols = {signal.name: signal.symbol for signal in MOTION}
         seen = SimpleNamespace(**symbols, true=SimpleNamespace(**symbols), late=None)
         for e in sorted(self.effects, key=lambda e: e.order):
@@ -320,7 +320,7 @@ class Model(EffectModel):
         return seen
 
     def measurements(self, owner: str = "plant") -> dict[str, sp.Expr]:
-        """Return what sensors see of the motion where it is not the motion itself, by ``u, v, r``...
+        """Return the measured quantities that differ from the motion, by ``u, v, r``...
 
         Expressions in the plant's states and parameters; empty if the model has no measurement effect.
 
@@ -334,10 +334,10 @@ class Model(EffectModel):
         return {name: e for name, e in every.items() if e != getattr(seen.true, name)}
 
     def timing(self, owner: str = "plant") -> tuple[str, str]:
-        """Return the parameters that say how late commands act and how late measurements are, or ``""``.
+        """Return the parameter names of the input delay and the measurement delay; ``""`` for none.
 
-        No equation of the plant holds them: its inputs act late (:attr:`Block.delays`), and those who read
-        logs shift them.
+        No equation of the plant contains them: its inputs have delays (:attr:`Block.delays`), and readers of
+        logs shift the time.
 
         Parameters
         ----------
@@ -364,27 +364,27 @@ class Model(EffectModel):
         name : str, optional
             Name of the Block, the prefix of its parameter keys.
         late : bool, optional
-            Whether the caller shifts commands and clock itself (:meth:`timing`): a plant without delays.
+            Whether the caller shifts commands and clock itself (:meth:`timing`); the plant then has no
+            delays.
         fastest : float, optional
-            Largest rate at which states of effects follow the motion [1/s], for who steps it coarsely.
+            Largest rate of the states of effects [1/s], for coarse steps.
         limited : bool, optional
-            Saturate each command at its bounds before anything else acts on it, in every backend; outputs
-            ``thrust_applied``... are what acts (:func:`~hovercontrol.models.actuated.actuated`). Default: as
-            the model says.
+            Saturate each command at its bounds before any effect acts on it, in every backend; the outputs
+            ``thrust_applied``... are the saturated commands (:func:`~hovercontrol.models.actuated.actuated`).
+            Default: the model's own setting.
 
         Returns
         -------
         Block
-            States ``x, y, psi, u, v, r``, those of commands on their way (``thrust_lagged``) and those that
-            effects add to the motion (``lugre_u``); outputs the motion and, where
-            a sensor sees something else, that (``r_measured``); inputs those commands that an effect uses.
-            Where measurements are late, all signals and the time are those of the log's clock: what it shows
-            of a motion follows the commands that much later.
+            States ``x, y, psi, u, v, r``, states of input effects (``thrust_lagged``) and of force effects
+            (``lugre_u``). Outputs: the motion, and measured quantities that differ from it (``r_measured``).
+            Inputs: the commands that an effect uses. With late measurements, all signals and the time are
+            those of the log's clock: the motion follows the commands with that delay.
 
         Raises
         ------
         InputError
-            If the clocks make commands act before they are sent, or `fastest` is not positive.
+            If the delays make commands act before they are sent, or `fastest` is not positive.
         """
         s = motion_symbols(self.fans, name)
         limit = rate_limit(name, fastest)
@@ -420,7 +420,7 @@ class Model(EffectModel):
 
 
 def motion_symbols(fans: Iterable[Fan] = (), owner: str = "plant") -> SimpleNamespace:
-    """Return the symbols that effects are written in: motion, commands, and the fans' wrench."""
+    """Return the symbols of the effects' equations: motion, commands, and the fans' wrench."""
     symbols: dict[str, Any] = {signal.name: signal.symbol for signal in (*MOTION, THRUST, RUDDER)}
     s = SimpleNamespace(**symbols, time=time)
     s.air_u, s.air_v = s.u, s.v
@@ -442,6 +442,6 @@ def _add_forces(s: SimpleNamespace, fans: Iterable[Fan], owner: str, forces: Map
 
 
 def _exact(value: float) -> sp.Number:
-    """0 and +-1 for a fan along an axis: a file gives its direction to six digits, and so 1 to twelve."""
+    """Return 0 or +-1 for a fan along an axis: with six digits, the cosine is 1 to twelve."""
     near = round(value)
     return sp.Integer(near) if abs(value - near) < (1e-12 if near else 1e-6) else sp.Float(value)

@@ -1,4 +1,4 @@
-"""The model file: a model as TOML that a person can read and edit.
+"""The model file: a model as readable TOML.
 
 .. code-block:: toml
 
@@ -11,7 +11,7 @@
 
     [effects]
     yaw_coulomb = 0.83
-    yaw_linear_drag = {value = 27.5, unit = "deg/s^2/(rad/s)"}   # any unit that fits
+    yaw_linear_drag = {value = 27.5, unit = "deg/s^2/(rad/s)"}   # any compatible unit
     surge_coulomb = {value = 1.35, width = 0.02}                 # an effect with shape parameters
 
     [fans]                  # optional: a fan craft, place in metres from the centre of mass, direction in rad
@@ -57,8 +57,8 @@ def load_model(path: str | Path) -> Model:
     Raises
     ------
     InputError
-        If a section, an effect or a key is unknown (the nearest is named), a unit does not fit, or a
-        number is missing or out of bounds; the line names file and key.
+        If a section, an effect or a key is unknown, a unit is not compatible, or a number is missing or out
+        of bounds. The message names file, key and the nearest match.
 
     Examples
     --------
@@ -165,7 +165,7 @@ def _fan_text(fan: Fan) -> str:
 
 
 def effect_text(e: Effect) -> str:
-    """Return an effect's numbers as TOML: one number, or a table of those that differ from the defaults."""
+    """Return an effect's numbers as TOML: one number, or a table of those unlike the defaults."""
     defaults = {key: number.default for key, number in e.numbers.items()}
     shown = {k: v for k, v in e.values.items() if k == "value" or v != defaults[k]}
     if list(shown) == ["value"]:
@@ -239,7 +239,7 @@ def _effect(name: str, value: Any, units: Mapping[str, str]) -> Effect:
         cls = effect_class(name)
     except InputError as error:
         raise InputError(
-            f"{error} (one of your own: read this file in the Python file that defines it)"
+            f"{error} (an own effect: load this file in the Python file that defines the effect)"
         ) from None
     if not isinstance(value, dict):
         return effect(name, number(f"effects.{name}", value))
@@ -249,7 +249,7 @@ def _effect(name: str, value: Any, units: Mapping[str, str]) -> Effect:
     numbers = {key: number(f"effects.{name}.{key}", v) for key, v in given.items()}
     if unit is not None:
         if "value" not in cls.numbers or "value" not in numbers:
-            raise InputError(f"effects.{name}: a unit needs a value beside it")
+            raise InputError(f"effects.{name}: a unit needs a value")
         wanted = resolved_unit(cls.numbers["value"].unit, units)
         try:
             numbers["value"] *= conversion_factor(text(f"effects.{name}.unit", unit), wanted)

@@ -1,7 +1,7 @@
-"""The parameter file: what a fit found of a model that is written in Python, as TOML.
+"""The parameter file: fitted values of a model that is written in Python, as TOML.
 
-A craft is saved whole, as a model file. The equations of a Block of one's own stay in their Python file; the
-parameter file holds the values of its coefficients and the effects that were added to it.
+A craft is saved as a model file. The equations of an own Block stay in their Python file; the parameter file
+has the values of its coefficients and the added effects.
 
 .. code-block:: toml
 
@@ -83,9 +83,9 @@ def load_parameters(model: AnyModel, path: str | Path) -> Model | BlockModel:
     Parameters
     ----------
     model : Model, BlockModel or Block
-        What the file does not name stays as it is.
+        Values that the file does not name are kept.
     path : path
-        Of the TOML file, as :func:`save_parameters`, ``hovercontrol identify`` and ``diagnose`` write it.
+        TOML file written by :func:`save_parameters`, ``hovercontrol identify`` or ``diagnose``.
 
     Returns
     -------
@@ -94,8 +94,8 @@ def load_parameters(model: AnyModel, path: str | Path) -> Model | BlockModel:
     Raises
     ------
     InputError
-        If the file is of another model, names an unknown coefficient or effect (the nearest is named), or a
-        value is not a number or out of its bounds; the line names file and key.
+        If the file belongs to another model, names an unknown coefficient or effect, or a value is not a
+        number or out of its bounds. The message names file, key and the nearest match.
 
     Examples
     --------
@@ -119,7 +119,7 @@ FITTED = ("model.toml", "parameters.toml")
 
 
 def save_fitted(model: Model | BlockModel, folder: Path) -> Path:
-    """Write what a fit found to a folder: a craft as ``model.toml``, any other as ``parameters.toml``."""
+    """Write a fitted model to a folder: a craft as ``model.toml``, any other as ``parameters.toml``."""
     craft, other = (folder / name for name in FITTED)
     return save_model(model, craft) if isinstance(model, Model) else save_parameters(model, other)
 

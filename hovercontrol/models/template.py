@@ -1,4 +1,4 @@
-"""Model files to begin with: commented, ready to run, with every effect that the craft may have beside it."""
+"""Templates of model files: commented, ready to run, with every effect that could be added."""
 
 from __future__ import annotations
 
@@ -45,13 +45,13 @@ rudder = {lower = -0.45, upper = 0.45}  # rad
 
 _FANS = """
 [fans]                                # place [m] from the centre of mass (x forward, y left), direction
-# of push [rad] from forward, counter-clockwise. The input of each bears its name: its force [N]; or, with a
-# static curve, its signal s: curve = [0.03, 1.05, -0.43] (N per s, s^2, s^3), or points of a bench
-# curve = {signal = [0.0, 0.5, 1.0], force = [0.0, 0.1, 0.4]}. gain = 1.0 is a coefficient that a fit seeks.
+# of push [rad] from forward, counter-clockwise. The input of a fan has its name. It is the force [N] or, with
+# a static curve, its signal s: curve = [0.03, 1.05, -0.43] (N per s, s^2, s^3), or points of a bench
+# curve = {signal = [0.0, 0.5, 1.0], force = [0.0, 0.1, 0.4]}. gain = 1.0 adds a coefficient to fit.
 """
 
 _BLOCK = '''\
-"""A machine of your own: its equations as a Block, written once, and what it may lack.
+"""An own machine: its equations as a Block, and effects that could be added.
 
     hovercontrol simulate {file}                     # drive it: a log and a picture
     hovercontrol check run.csv --model {file}        # is the log good, and what can it show?
@@ -59,7 +59,7 @@ _BLOCK = '''\
     hovercontrol diagnose run.csv --holdout other.csv --model {file}
     hovercontrol export {file} -o {stem}.fmu
 
-A log is a CSV file with time [s], the inputs (force) and what is measured (position). In Python:
+A log is a CSV file with time [s], the inputs (force) and the measured outputs (position). In Python:
 BLOCK.start() steps it, hovercontrol.simulate(BLOCK, ...) simulates it, BLOCK.to_control() is the same for
 python-control.
 """
@@ -95,21 +95,21 @@ MODEL = hc.BlockModel(BLOCK)
 
 
 def template(kind: str, name: str, file: str) -> str:
-    """Return the text of a model file to begin with.
+    """Return the text of a template of a model file.
 
     Parameters
     ----------
     kind : {"rudder", "fan", "block"}
         A craft with a propeller and a rudder, one with fixed fans, or a Python file with a Block.
     name : str
-        Of the craft or Block: an identifier.
+        Name of the craft or Block, an identifier.
     file : str
-        The file's name, for the commands in its head.
+        The file's name, for the commands in its first comment.
 
     Raises
     ------
     InputError
-        If the kind is unknown or the name no identifier.
+        If the kind is unknown or the name is not an identifier.
 
     Examples
     --------
@@ -119,7 +119,7 @@ def template(kind: str, name: str, file: str) -> str:
     if kind not in KINDS:
         raise InputError(f"--kind: unknown {kind!r}{did_you_mean(kind, KINDS)}")
     if not name.isidentifier():
-        raise InputError(f"{name!r} is no name for a model: letters, digits and _ wanted, a letter first")
+        raise InputError(f"{name!r} is not a valid model name; use letters, digits and _, a letter first")
     if kind == "block":
         return _BLOCK.format(name=name, file=file, stem=file.removesuffix(".py"))
     craft = c17_experiment() if kind == "rudder" else four_fan()
@@ -133,7 +133,7 @@ def template(kind: str, name: str, file: str) -> str:
     if kind == "rudder":
         lines.append(_INPUTS)
     lines += ["\n[effects]\n", *(_line(type(e), craft, dict(e.values)) for e in craft.effects)]
-    lines.append("\n# What such a craft may have as well. Take the # away and put a number:\n")
+    lines.append("\n# Effects that could be added. Remove the # and set a number:\n")
     lines += [_line(cls, craft) for cls in craft.candidates()]
     if craft.fans:
         lines += [_FANS, *(_fan_line(f) for f in craft.fans)]
@@ -141,7 +141,7 @@ def template(kind: str, name: str, file: str) -> str:
 
 
 def _line(cls: type[Effect], craft: Model, values: dict[str, float] | None = None) -> str:
-    """Return an effect's line: active with values, else a comment with an example."""
+    """Return an effect's line: active if values are given, else a comment with an example."""
     active = values is not None
     shown = {
         key: number
@@ -160,7 +160,7 @@ def _line(cls: type[Effect], craft: Model, values: dict[str, float] | None = Non
 
 
 def _example(cls: type[Effect]) -> dict[str, float]:
-    """Return numbers that an effect can have: where a search begins, else a small one."""
+    """Return example values of an effect: the start of a search, else a small value."""
     found = {}
     for key, number in cls.numbers.items():
         if number.default is not None and any(n.default is None for n in cls.numbers.values()):

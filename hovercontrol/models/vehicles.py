@@ -1,4 +1,4 @@
-"""The source documents' craft, as lists of effects with their numbers.
+"""The source documents' craft, as lists of effects with their coefficients.
 
 C17 is Cabecinhas, Batista, Oliveira, Silvestre, "Hovercraft Control With Dynamic Parameters Identification",
 IEEE TCST; K06 is Kulis, "Feedback Control of a Hovercraft over a Wireless Link", Univ. of Maryland, 2006.
@@ -20,7 +20,7 @@ from hovercontrol.models.model import RUDDER, THRUST, Model
 
 @dataclass(frozen=True)
 class Body:
-    """What a law on momenta must know of a craft.
+    """Mass, inertia and rudder arm of a craft, as control laws on momenta need them.
 
     Parameters
     ----------
@@ -29,12 +29,12 @@ class Body:
     inertia : float
         J [kg m^2]
     arm : float
-        d [m], the rudder behind the centre of mass.
+        d [m], distance of the rudder behind the centre of mass.
 
     Raises
     ------
     InputError
-        If one is not positive.
+        If a value is not positive.
     """
 
     mass: float
@@ -103,8 +103,7 @@ def four_fan() -> Model:
 
     The two fans whose names end in ``left`` turn it counter-clockwise (to positive yaw) when they push
     forward, so in this frame (y to the left) they stand at y = -0.0425 m. Mass and lever arm are measured;
-    drag and inertia are what ``hovercontrol identify`` finds on logs of such a craft, rounded: a start for
-    your own.
+    drag and inertia are rounded results of ``hovercontrol identify`` on logs of such a craft, to start from.
     """
     mass, arm, inertia = 0.1763, 0.0425, 8.7e-4
     forward, backward = 0.0, math.pi
@@ -139,7 +138,7 @@ def vehicle(name: str) -> Model:
     Raises
     ------
     InputError
-        If there is none of that name; the nearest is in the text.
+        If there is no such craft; the message names the nearest one.
 
     Examples
     --------

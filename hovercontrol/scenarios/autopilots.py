@@ -38,19 +38,19 @@ KEYS: dict[str, type] = {
 
 
 def autopilot_section(folder: Path, section: Mapping[str, Any]) -> Autopilot:
-    """Return what the section says.
+    """Return the arguments of the section.
 
     Parameters
     ----------
     folder : Path
-        Of the scenario's file, where file names begin.
+        Folder of the scenario's file, to which file names are relative.
     section : mapping
-        Its keys, of the kinds in :data:`KEYS`.
+        Keys of the section, of the types in :data:`KEYS`.
 
     Raises
     ------
     InputError
-        If a value is wrong; the line names its key, and the file and row of a table.
+        If a value is wrong; the message names its key, and the file and row of a table.
     """
     given = dict(section)
     own = {key: given.pop(key) for key in list(given) if key in SWITCHES}
@@ -67,11 +67,13 @@ def autopilot_section(folder: Path, section: Mapping[str, Any]) -> Autopilot:
     if "fan_table" in given:
         given["tables"] = _fan_tables(folder, given.pop("fan_table"))
         if given.get("rudder_loss"):
-            raise InputError("autopilot.rudder_loss is one of the stand-in tables, not of fan_table")
+            raise InputError(
+                "autopilot.rudder_loss belongs to the stand-in tables; expected either it or fan_table"
+            )
     if "propeller" in given:
         given["propeller"] = _propeller(given["propeller"])
         if given["propeller"] and "tables" in given:
-            raise InputError("autopilot.fan_table is that of a fan, not of a variable-pitch propeller")
+            raise InputError("autopilot.fan_table belongs to a fan, not to a variable-pitch propeller")
     if "servo_table" in given:
         given["servo"] = read_servo_table(folder / given.pop("servo_table"))
     if "beacons" in given:

@@ -13,10 +13,10 @@ from hovercontrol.io.tables import read_toml, text
 def with_base(
     content: dict[str, Any], path: Path, find: Callable[[str, Path], Path], seen: tuple[Path, ...] = ()
 ) -> dict[str, Any]:
-    """Return a scenario file's content over that of its base, and of its base's base.
+    """Return a scenario file's content merged with its bases.
 
-    Keys of a section are those of the base where the file has none of its own; lists of sections
-    (``[[phase]]``, ``[[metric]]``) and sections with a ``kind`` of their own are taken whole.
+    Keys of a section that the file lacks come from the base. Lists of sections (``[[phase]]``,
+    ``[[metric]]``) and sections with their own ``kind`` replace those of the base.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ def with_base(
     Raises
     ------
     InputError
-        If a base is not there, or scenarios are each other's bases.
+        If a base does not exist, or scenarios are bases of each other.
     """
     head = content.get("scenario")
     if not isinstance(head, dict) or "base" not in head:

@@ -21,12 +21,12 @@ SAME_TIME = 1e-9
 
 
 def check_scenario(scenario: Scenario) -> None:
-    """Refuse a scenario that is too long, exceeds the craft's commands, or has an empty metric window.
+    """Raise if a scenario is too long, exceeds the craft's commands, or has an empty metric window.
 
     Raises
     ------
     InputError
-        The line names the key or the metric.
+        The message names the key or the metric.
     """
     _check_rows(scenario)
     _check_commands(scenario)
@@ -61,7 +61,7 @@ def _check_log(sampling: Sampling) -> None:
 
 
 def _check_law(scenario: Scenario) -> None:
-    """Refuse set points that no law has, or that are out of bounds."""
+    """Raise if a law has no such set point, or a set point is out of bounds."""
     inputs: dict[str, Signal] = {}
     if scenario.controller is not None and not scenario.tracks:
         parts = loop_parts(scenario)
@@ -70,7 +70,7 @@ def _check_law(scenario: Scenario) -> None:
         for name, value in phase.setpoints.items():
             if name not in inputs:
                 hint = did_you_mean(name, inputs)
-                raise InputError(f"phase {phase.name!r}: set: no law has the set point {name!r}{hint}")
+                raise InputError(f"phase {phase.name!r}: set: unknown set point {name!r}{hint}")
             inputs[name].check(value, f"phase {phase.name!r}: set.{name}")
 
 

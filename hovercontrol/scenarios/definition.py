@@ -24,13 +24,13 @@ class Phase:
     ----------
     name : str
     until : float
-        When it ends [s].
+        End of the phase [s].
     scale : mapping, optional
         Factors on the plant's coefficients, by name.
     adaptation : float, optional
-        Share of the estimates in the controller: 0 the model's values, 1 the estimates.
+        Weight of the estimates in the controller: 0 for the model's values, 1 for the estimates.
     setpoints : mapping, optional
-        Set points of a law, by the name of its input (``yaw_rate_ref``); else the start value.
+        Set points of a law, by the name of its input (``yaw_rate_ref``); default: its start value.
     """
 
     name: str
@@ -42,7 +42,7 @@ class Phase:
 
 @dataclass(frozen=True)
 class Metric:
-    """A figure of merit: a statistic of a quantity over a window, and what is expected of it.
+    """A figure of merit: a statistic of a quantity over a window, and its expected range.
 
     Parameters
     ----------
@@ -52,14 +52,13 @@ class Metric:
     start, end : float
         The window [s], both included.
     low, high : float, optional
-        The range expected.
+        Expected range.
     unit, paper : str, optional
-        Unit of the value; what the source document says.
+        Unit of the value; text of the source document.
     statistic : str, optional
         One of :data:`hovercontrol.scenarios.measures.STATISTICS`.
     target, within : float, optional
-        The value that others than ``mean`` ... ``peak`` are about; for ``reached`` and ``settled`` how near
-        it counts.
+        Target value of statistics other than ``mean`` ... ``peak``; tolerance of ``reached`` and ``settled``.
     """
 
     name: str
@@ -77,7 +76,7 @@ class Metric:
 
 @dataclass(frozen=True)
 class Sampling:
-    """How a sampled loop measures and commands.
+    """Sampling of measurements and commands of a sampled loop.
 
     Parameters
     ----------
@@ -88,8 +87,8 @@ class Sampling:
     position_noise, heading_noise : float
         Standard deviations [m, rad].
     velocity_noise, rate_noise : float, optional
-        Standard deviations [m/s, rad/s] of body velocities that are measured themselves; where neither is
-        given, velocities are backward differences of the pose.
+        Standard deviations [m/s, rad/s] of measured body velocities. If neither is given, velocities are
+        backward differences of the pose.
     log : float, optional
         Period of the log's rows [s], a multiple of that of the measurements; 0 for the same.
     seed : int
@@ -148,15 +147,15 @@ class Scenario:
     Parameters
     ----------
     name, title, source : str
-        What it is called, what it shows, and where it comes from.
+        Name, title and source.
     step : float
-        Between rows of the log [s].
+        Time between rows of the log [s].
     plant, belief : Model
     start : mapping of str to float
-        Initial states, over zero.
+        Initial states other than zero.
     phases : tuple of Phase
     reference, guidance, controller, estimator : mapping, optional
-        As in the file: a ``kind`` and its numbers.
+        Sections of the file: a ``kind`` and its numbers.
     actuation : mapping, optional
     body : Body, optional
     commands : mapping of str to tuple of float, optional

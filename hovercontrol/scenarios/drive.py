@@ -1,4 +1,4 @@
-"""A run of a model file: by steps of its commands, so that all the craft can do shows, or by a log's."""
+"""A run of a model file, driven by steps of its commands or by the commands of a log."""
 
 from __future__ import annotations
 
@@ -44,15 +44,15 @@ def driven(model: Model, name: str, seconds: float | None = None, log: Log | Non
     name : str
         Of the scenario.
     seconds : float, optional
-        How long [s]; default: 20, or as long as the log.
+        Length [s]; default: 20, or the length of the log.
     log : Log, optional
-        With the model's inputs, each held from row to row. Default: steps, the same each time, each held for
-        1 s at a value within the middle 60 % of the command's bounds.
+        Log with the model's inputs, held from row to row. Default: reproducible random steps of 1 s within
+        the middle 60 % of the command's bounds.
 
     Raises
     ------
     InputError
-        If there is no time to run, the log lacks an input or is shorter.
+        If the length is too small, or the log lacks an input or is shorter.
 
     Examples
     --------
@@ -76,12 +76,12 @@ def driven(model: Model, name: str, seconds: float | None = None, log: Log | Non
 
 
 def run_length(seconds: float | None, log: Log | None) -> float:
-    """Return how long a run is [s]: as asked, as long as the log of its commands, or 20.
+    """Return the length of a run [s]: as given, else that of the log, else 20.
 
     Raises
     ------
     InputError
-        If that is no time or takes too many rows, or the log is shorter.
+        If the length is too small, needs too many rows, or the log is shorter.
     """
     if log is not None and not len(log):
         raise InputError(f"{log.name}: expected samples, found no rows")
@@ -123,7 +123,7 @@ def _of_log(inputs: Sequence[Signal], log: Log) -> dict[str, tuple[float, ...]]:
 
 
 def _span(signal: Signal) -> tuple[float, float]:
-    """Return the range of a command; where it has no bounds its usual size, forward only but for a rudder."""
+    """Return the range of a command; without bounds, its nominal size (positive, except for a rudder)."""
     usual = -signal.nominal if signal.name == RUDDER.name else 0.0
     low = signal.lower if math.isfinite(signal.lower) else usual
     return low, signal.upper if math.isfinite(signal.upper) else max(signal.nominal, low + signal.nominal)

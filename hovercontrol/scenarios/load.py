@@ -48,7 +48,7 @@ from hovercontrol.scenarios.sections import (
 
 @checked
 def scenario_names() -> list[str]:
-    """Return the names of the scenarios that come with the package.
+    """Return the names of the package's scenarios.
 
     Examples
     --------
@@ -66,18 +66,18 @@ def load_scenario(name: str | Path, *, seconds: float | None = None, commands: L
     Parameters
     ----------
     name : str or path
-        ``"table1"``, or a file that ends in ``.toml``; a model file, and ``FILE.py:NAME`` of a Model, is
-        driven from rest by steps of its commands.
+        ``"table1"``, or a ``.toml`` file. A model file, or ``FILE.py:NAME`` of a Model, is driven from rest
+        by steps of its commands.
     seconds : float, optional
-        How long a model is driven [s].
+        Length of a model's run [s].
     commands : Log, optional
-        By what a model is driven instead.
+        Commands that drive a model instead.
 
     Raises
     ------
     InputError
-        If there is no such scenario (the nearest is named), the file has an error (the line names the key),
-        or a scenario is to run for other seconds or by other commands than it states.
+        If there is no such scenario, the file has an error (the message names the key), or length or commands
+        are given for a scenario.
 
     Examples
     --------
@@ -94,7 +94,7 @@ def load_scenario(name: str | Path, *, seconds: float | None = None, commands: L
     if own and is_model(content):
         return replace(driven(load_model(path), path.stem, seconds, commands), file=str(path))
     if seconds is not None or commands is not None:
-        raise InputError(f"{name}: a scenario states its duration and its commands; expected a model file")
+        raise InputError(f"{name}: a scenario has its own duration and commands; expected a model file")
     if own and not content:
         raise InputError(f"{path}: expected a scenario or a model, found an empty file")
     try:

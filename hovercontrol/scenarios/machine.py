@@ -1,4 +1,4 @@
-"""A run of a machine of the user's own: a Block, driven by steps of its inputs or by those of a log."""
+"""A run of a user's Block, driven by steps of its inputs or by the inputs of a log."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ if TYPE_CHECKING:
 @checked
 @dataclass(frozen=True, eq=False)
 class MachineRun:
-    """What a machine did.
+    """Result of a machine's run.
 
     Attributes
     ----------
     log : Log
-        Outputs and inputs, as ``check`` and ``diagnose`` read them.
+        Log of outputs and inputs, readable by ``check`` and ``diagnose``.
     units : mapping of str to str
         Of its columns.
     """
@@ -42,7 +42,7 @@ class MachineRun:
     __repr__ = short_repr
 
     def plot(self) -> Figure:
-        """Return outputs and inputs over time as a picture."""
+        """Return a figure of outputs and inputs over time."""
         from hovercontrol.logs.display import log_figure
 
         return open_in_pyplot(log_figure(self.log, self.units))
@@ -53,7 +53,7 @@ class MachineRun:
         Parameters
         ----------
         folder : path
-            Made if it is not there.
+            Created if missing.
         """
         from hovercontrol.logs.display import log_figure
 
@@ -77,16 +77,16 @@ def run_machine(
     Parameters
     ----------
     seconds : float, optional
-        How long [s]; default: 20, or as long as the log.
+        Length [s]; default: 20, or the length of the log.
     commands : Log, optional
-        With the Block's inputs, each held from row to row. Default: steps as a model file is driven by.
+        Log with the Block's inputs, held from row to row. Default: random steps, as for a model file.
     progress : callable, optional
-        Called now and then with the time reached [s].
+        Called from time to time with the simulated time [s].
 
     Raises
     ------
     InputError
-        If there is no time to run, the log lacks an input or is shorter, or the simulation fails.
+        If the length is too small, the log lacks an input or is shorter, or the simulation fails.
 
     Examples
     --------

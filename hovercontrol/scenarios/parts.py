@@ -61,7 +61,7 @@ def loop_parts(scenario: Scenario) -> dict[str, Block]:
     Raises
     ------
     InputError
-        If parts do not fit together.
+        If the parts cannot be connected.
 
     Examples
     --------
@@ -79,7 +79,9 @@ def loop_parts(scenario: Scenario) -> dict[str, Block]:
     if scenario.guidance is not None:
         given = dict(scenario.guidance)
         if scenario.sampling is None and scenario.autopilot is None:
-            raise InputError("[guidance] is sampled: it needs a [sampling], and ticks with its commands")
+            raise InputError(
+                "[guidance] is sampled: expected a [sampling] section, whose commands set its period"
+            )
         period = TICK if scenario.sampling is None else scenario.sampling.command
         tick = {"body": scenario.body, "period": period}
         law = {"guidance": as_user(GUIDANCE[given.pop("kind")], **tick, **given), **law}
@@ -91,7 +93,7 @@ def loop_parts(scenario: Scenario) -> dict[str, Block]:
 
 
 def _check_told(guidance: Block, law: Block, kind: str) -> None:
-    """Refuse guidance whose output may be out of the bounds of a law."""
+    """Raise if an output of the guidance may exceed the bounds of a law."""
     takes = {s.name: s for s in law.inputs}
     for s in guidance.outputs:
         if s.name in takes and s.lower < takes[s.name].lower:
@@ -120,7 +122,7 @@ def _tracking_parts(scenario: Scenario) -> dict[str, Block]:
 
 @checked
 def phase_parameters(scenario: Scenario, phase: Phase) -> dict[str, float]:
-    """Return the parameters that hold in a phase, by key.
+    """Return the parameters of a phase, by key.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""A loop through the phases of a scenario, in machine code: parameters change where a phase ends."""
+"""Compiled simulation of a loop through the phases of a scenario; parameters change between phases."""
 
 from __future__ import annotations
 
@@ -58,14 +58,14 @@ def through_phases(
     Parameters
     ----------
     scenario : Scenario
-        Its commands, if it plays any, are the loop's inputs.
+        Its commands, if any, are the loop's inputs.
     parameters : callable
-        Those that hold in a phase, by key.
+        Parameters of a phase, by key.
     step : float, optional
-        Of the rows [s]; default that of the scenario. There is a row where a phase ends, too.
+        Time between rows [s]; default: that of the scenario. The end of a phase is a row, too.
     friction : {"events", "smooth"}, optional
     progress : callable, optional
-        Called with the time reached.
+        Called with the simulated time.
     """
     compiled = loop.compile(friction=friction)
     state = np.array([s.start for s in loop.states])
@@ -98,14 +98,14 @@ def through_phases(
 
 
 def held_commands(scenario: Scenario, time: Array) -> dict[str, Array] | None:
-    """Return the commands that a scenario plays, as they are held at some times; None if it plays none."""
+    """Return the commands of a scenario at given times; None if it has none."""
     if scenario.commands is None:
         return None
     return held(scenario.commands, time)
 
 
 def held(commands: Mapping[str, Sequence[float]], time: Array) -> dict[str, Array]:
-    """Return commands, each held from one of their times to the next, at some times [s]."""
+    """Return commands at given times [s], held from row to row."""
     times = np.array(commands["time"])
     row = np.searchsorted(times, time + SAME, side="right") - 1
     return {k: np.array(v)[row] for k, v in commands.items() if k != "time"}

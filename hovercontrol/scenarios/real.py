@@ -27,7 +27,7 @@ def real_loop(scenario: Scenario, parts: Mapping[str, Block]) -> Block:
     Parameters
     ----------
     scenario : Scenario
-        With an autopilot.
+        A scenario with an autopilot.
     parts : mapping of str to Block
         By :func:`~hovercontrol.scenarios.parts.loop_parts`.
     """
@@ -37,7 +37,7 @@ def real_loop(scenario: Scenario, parts: Mapping[str, Block]) -> Block:
 
 
 def real_parts(scenario: Scenario, parts: Mapping[str, Block]) -> dict[str, Block]:
-    """Return the Blocks of the real loop by name, and those that some of them are made of.
+    """Return the Blocks of the real loop by name, and the parts of composed ones.
 
     Arguments as for :func:`real_loop`.
     """
@@ -56,7 +56,7 @@ def real_parts(scenario: Scenario, parts: Mapping[str, Block]) -> dict[str, Bloc
 
 
 def _same_guidance(parts: Mapping[str, Block]) -> dict[str, Block]:
-    """Return the parts with guidance for both loops, as K06 has it."""
+    """Return the parts with the same guidance for both loops, as in K06."""
     if "guidance" not in parts:
         return dict(parts)
     return {**parts, "guidance": nearest_heading(parts["guidance"])}
@@ -81,7 +81,7 @@ def _arguments(scenario: Scenario, parts: Mapping[str, Block]) -> dict[str, Any]
 
 
 def real_parameters(scenario: Scenario, phase: Phase) -> dict[str, float]:
-    """Return the parameters of both loops that hold in a phase, by key."""
+    """Return the parameters of both loops in a phase, by key."""
     own = phase_parameters(scenario, phase)
     return own | {f"ideal.{key}": value for key, value in own.items()}
 
@@ -92,7 +92,8 @@ def run_real(
     """Run the real and the ideal loop; see :func:`hovercontrol.scenarios.runner.run_scenario`.
 
     The log is that of the navigation: ``x ... r`` are its estimates, ``true_x ... true_r`` the truth,
-    ``u_seen`` ... what had reached the law, ``thrust`` and ``rudder`` what acts by the calibration tables;
+    ``u_seen`` ... the values received by the law, ``thrust`` and ``rudder`` the acting commands by the
+    calibration tables;
     ``ideal_x ... ideal_r`` are those of the ideal loop.
     """
     loop = real_loop(scenario, parts)

@@ -1,4 +1,4 @@
-"""The picture of a real loop over the ideal one, as K06's figures 6.7-6.12."""
+"""Figure of a real and an ideal loop, as K06's figures 6.7-6.12."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def comparison(run: Run) -> Figure:
     Parameters
     ----------
     run : Run
-        Of a scenario with an autopilot.
+        Run of a scenario with an autopilot.
     """
     rows = {"u": "surge u [m/s]", "v": "sway v [m/s]", "r": "yaw rate r [rad/s]"}
     told = {"u": "surge_ref", "r": "yaw_rate_ref", "psi": "heading_ref"}

@@ -1,4 +1,4 @@
-"""The result of a scenario: the log, the figures of merit, the pictures."""
+"""The result of a scenario: log, metrics and figures."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Run:
     time : ndarray, shape (n,)
         [s]
     columns : mapping of str to ndarray (n,)
-        Every signal by name.
+        All signals by name.
 
     Examples
     --------
@@ -91,7 +91,7 @@ class Run:
         }
 
     def estimation_error(self) -> Array | None:
-        """Return the worst error of the adapted coefficients as a share of max(3 %, 0.02), shape (n,)."""
+        """Return the largest error of the adapted coefficients over max(3 %, 0.02), shape (n,)."""
         names = (self.scenario.controller or {}).get("adapt", [])
         estimates, truth = self.estimates(), self.truth()
         shares = [
@@ -102,7 +102,7 @@ class Run:
         return np.max(shares, axis=0) if shares else None
 
     def clipped(self) -> dict[str, int]:
-        """Return at how many ticks commands were clipped, by what counts them (``rudder_clipped``)."""
+        """Return the number of ticks with clipped commands, by counter (``rudder_clipped``)."""
         return {key: int(column[-1]) for key, column in self.columns.items() if key.endswith("_clipped")}
 
     def metrics(self) -> list[Measured]:
@@ -122,17 +122,17 @@ class Run:
         return run_html(self)
 
     def plot(self, name: str = "") -> Figure:
-        """Return one of the run's pictures; the tracking error, or else the path, where none is named.
+        """Return one of the run's figures; default: the tracking error, or else the path.
 
         Parameters
         ----------
         name : str
-            Of one of the run's figures.
+            Name of the figure.
 
         Raises
         ------
         InputError
-            If there is no such picture; the nearest is named.
+            If there is no such figure; the message names the nearest one.
         """
         from hovercontrol.scenarios.figures import figures
 
@@ -143,17 +143,17 @@ class Run:
         return open_in_pyplot(drawn[chosen])
 
     def save(self, folder: str | Path) -> list[Path]:
-        """Write ``log.csv``, ``metrics.csv`` and the pictures; they are written atomically.
+        """Write ``log.csv``, ``metrics.csv`` and the figures, atomically.
 
         Parameters
         ----------
         folder : path
-            Made if it is not there.
+            Created if missing.
 
         Returns
         -------
         list of Path
-            The files.
+            The written files.
         """
         from hovercontrol.scenarios.figures import figures
 

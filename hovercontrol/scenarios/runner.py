@@ -29,17 +29,17 @@ def run_scenario(scenario: Scenario, progress: Progress | None = None) -> Run:
     ----------
     scenario : Scenario
     progress : callable, optional
-        Called now and then with the simulated time [s].
+        Called from time to time with the simulated time [s].
 
     Returns
     -------
     Run
-        The log with all signals, the metrics and the pictures.
+        Log with all signals, metrics and figures.
 
     Raises
     ------
     InputError
-        If the scenario's parts do not fit together, or the simulation fails; the line names the scenario.
+        If the parts cannot be connected, or the simulation fails; the message names the scenario.
 
     Examples
     --------

@@ -39,18 +39,18 @@ def sampled_loop(scenario: Scenario, parts: Mapping[str, Block], name: str = "lo
     Parameters
     ----------
     scenario : Scenario
-        With a sampling.
+        A scenario with a sampling.
     parts : mapping of str to Block
         By :func:`~hovercontrol.scenarios.parts.loop_parts`.
 
     Returns
     -------
     Block
-        Outputs the true motion ``x ... r``, what is measured ``x_measured ... r_measured``, the commands that
-        act; of a tracking loop also the reference, the true tracking error ``error_x, error_y`` and its
-        distance ``tracking_error`` [m], the commands as computed (``thrust_wanted``; ``thrust_asked`` without
+        Outputs: the true motion ``x ... r``, the measurements ``x_measured ... r_measured``, the acting
+        commands; of a tracking loop also the reference, the true tracking error ``error_x, error_y`` and its
+        distance ``tracking_error`` [m], the computed commands (``thrust_wanted``; ``thrust_asked`` without
         limits) and the estimates; of a law the signals between its parts. Without a controller the commands
-        are its inputs.
+        are inputs.
 
     Examples
     --------
@@ -73,7 +73,7 @@ def run_sampled(
 ) -> Run:
     """Run a sampled scenario; see :func:`hovercontrol.scenarios.runner.run_scenario`.
 
-    The log has what the loop sees: ``x ... r`` are measured, ``true_x ... true_r`` the truth.
+    In the log, ``x ... r`` are measured values and ``true_x ... true_r`` true ones.
     """
     assert scenario.sampling is not None
     loop = sampled_loop(scenario, parts)
@@ -88,7 +88,7 @@ def run_sampled(
 
 
 def sampled_blocks(scenario: Scenario, parts: Mapping[str, Block]) -> dict[str, Block]:
-    """Return the Blocks that :func:`sampled_loop` joins, by name; arguments as there."""
+    """Return the Blocks of :func:`sampled_loop` by name; arguments as there."""
     assert scenario.sampling is not None
     blocks = [parts["plant"], *_sensors(scenario.sampling, parts["plant"])]
     if scenario.tracks:
@@ -123,13 +123,13 @@ def _sensor(sampling: Sampling, plant: Block) -> Block:
 
 
 def _ticking(block: Block, period: float) -> Block:
-    """Return a Block that ticks and sees the motion as it is measured."""
+    """Return a sampled version of a Block that uses the measured motion."""
     seen = {s.name: f"{s.name}_measured" for s in block.inputs if s.name in _MOVES}
     return rename(replace(block, period=period), seen)
 
 
 def _tracking(scenario: Scenario, parts: Mapping[str, Block]) -> list[Block]:
-    """Return reference, computer, radio and what watches the true error."""
+    """Return reference, computer, radio and the Block of the true error."""
     assert scenario.sampling is not None and scenario.controller is not None
     sampling, controller = scenario.sampling, parts["controller"]
     commands = [s for s in controller.outputs if s.name in {i.name for i in parts["plant"].inputs}]

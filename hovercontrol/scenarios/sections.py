@@ -1,7 +1,7 @@
 """The sections of a scenario file, their keys and types.
 
-The loader checks by these, and the JSON Schema of scenarios is made of them. ``object`` is a value with a
-rule of its own, ``list`` a list of names.
+The loader and the JSON Schema of scenarios use these. ``object`` is a value with its own rule, ``list`` a
+list of names.
 """
 
 from __future__ import annotations
@@ -91,7 +91,7 @@ METRIC_NEEDS = ("name", "of", "from", "to")
 
 
 def arguments(maker: Callable[..., Any], without: Sequence[str] = ()) -> tuple[list[str], tuple[str, ...]]:
-    """Return the keys of a section whose ``kind`` names a function: its arguments, and those it needs.
+    """Return the keys of a section whose ``kind`` names a function: all arguments, and the required ones.
 
     Examples
     --------

@@ -29,7 +29,7 @@ def time_figure(run: Run, what: str, rows: int = 1, height: float = 3.4) -> tupl
 
 
 def own_loop(run: Run) -> str:
-    """Return the end of a title that says which of two loops is shown: the real one."""
+    """Return the suffix of a title for the real one of two loops."""
     return "" if run.scenario.autopilot is None else ", real loop"
 
 
@@ -42,7 +42,7 @@ def title(run: Run, figure: Figure, what: str) -> None:
 
 
 def mark_phases(run: Run, axes: Axes, named: bool = True) -> None:
-    """Mark where phases change, as the vertical bars in C17 do, and name them along the top."""
+    """Mark changes of phase by vertical bars, as in C17, with names along the top."""
     begin = 0.0
     for phase in run.scenario.phases:
         if begin > 0:

@@ -1,4 +1,4 @@
-"""A scenario or a machine run many times: one or two numbers varied, the figures of its signals kept."""
+"""Repeated runs of a scenario or a machine with one or two varied numbers."""
 
 from __future__ import annotations
 
@@ -42,12 +42,12 @@ class Varied:
     name, title : str
         Of what was run.
     axes : tuple of one or two Axis
-        What was varied; the first varies slowest.
+        The varied numbers; the first varies slowest.
     of, figure : str
-        The signal and the figure that pictures show.
+        The signal and the figure that are drawn.
     unit : str
     result : SweepResult
-        Of the last phase; a run that failed in an earlier one is marked there, too.
+        Result of the last phase, including runs that failed in an earlier one.
     """
 
     name: str
@@ -119,7 +119,7 @@ def vary(
     Parameters
     ----------
     scenario : Scenario
-        Commands that it plays are the same in all runs.
+        Its commands are the same in all runs.
     ranges : mapping of str to ndarray
         One or two parameters by key (``controller.k1``), or states to start from (``plant.u``), each with its
         values, increasing.
@@ -128,7 +128,7 @@ def vary(
     figure : str, optional
         final, maximum, minimum, rms or settling of the last phase.
     progress : callable, optional
-        Called with the share that is done.
+        Called with the completed fraction, 0 to 1.
     checkpoint : path, optional
         Folder that keeps the results as they come; the same call with the same folder goes on where it was
         stopped, with the same results to the last bit.
@@ -241,14 +241,14 @@ def swept_phases(
     given : mapping of str to ndarray (n_runs,)
         Parameters by key and states to start from, each of all runs.
     progress : callable, optional
-        Called with the share that is done.
+        Called with the completed fraction, 0 to 1.
     checkpoint : path, optional
         As of :func:`vary`.
 
     Returns
     -------
     SweepResult
-        Of the last phase; a run that failed in an earlier one is marked there, too.
+        Result of the last phase, including runs that failed in an earlier one.
     """
     keys = set(loop.default_parameters)
     own = {name: values for name, values in given.items() if name in keys}

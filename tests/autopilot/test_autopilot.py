@@ -251,7 +251,7 @@ def test_a_users_servo_and_beacons_are_those_of_the_loop(tmp_path):
         ("pulse_ms,angle_deg\n1.0,-10\n1.5\n", "row 3: expected two numbers, found '1.5'"),
         ("pulse_ms,angle_deg\n1.0,-10\n1.5,x\n", "row 3: expected two numbers, found '1.5,x'"),
         ("pulse_ms,angle_deg\n1.0,-10\n1.5,0\n2.0,-3\n", "angles must be monotone: entry 3"),
-        ("pulse_ms,angle_deg\n", "expected as many angles as pulses, two at least"),
+        ("pulse_ms,angle_deg\n", "expected two or more pulses and as many angles"),
     ],
 )
 def test_a_wrong_servo_table_is_refused_in_one_line(tmp_path, text, said):
@@ -278,12 +278,12 @@ def test_a_wrong_servo_table_is_refused_in_one_line(tmp_path, text, said):
             lambda: autopilot(LAW, servo="mine.csv"),
             "autopilot: servo: expected a ServoTable or None, found 'mine.csv'",
         ),
-        (lambda: autopilot(LAW, tables=fan_tables(), rudder_loss=0.1), "rudder_loss is one of the stand-in"),
+        (lambda: autopilot(LAW, tables=fan_tables(), rudder_loss=0.1), "rudder_loss belongs to the stand-in"),
         (
             lambda: autopilot(LAW, beacons=3, navigation="cricket"),
             "beacons: expected a Beacons or None, found 3",
         ),
-        (lambda: autopilot(LAW, beacons=k06_beacons()), "are heard by navigation 'cricket', found 'error_mo"),
+        (lambda: autopilot(LAW, beacons=k06_beacons()), "belong to navigation 'cricket', found 'error_mo"),
         (lambda: Imperfections.only("brakes"), "unknown imperfection 'brakes'; did you mean 'brake'?"),
         (lambda: Imperfections().without("table"), "did you mean 'tables'?"),
     ],

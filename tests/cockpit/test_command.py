@@ -54,7 +54,7 @@ def test_wrong_input_is_refused_in_one_line(refused, tmp_path):
         (["--loop", "reel", "--port", "0"], "did you mean 'real'"),
         (["--vehicle", "four_fan", "--loop", "real", "--port", "0"], "thrust is in newton"),
         (["--port", "99999"], "65535"),
-        (["--port", "0", "--host", "no.such.host.invalid"], "no address of this machine"),
+        (["--port", "0", "--host", "no.such.host.invalid"], "is not an address of this machine"),
     ]:
         assert text in refused(*arguments), arguments
 

@@ -137,7 +137,7 @@ def test_only_the_pilot_switches_the_loop(tmp_path):
         ):
             await told(pilot, lambda m: m.get("pilot"))
             await other.send_json({"loop": "real"})
-            assert "another page flies" in (await told(other, lambda m: "error" in m))["error"]
+            assert "another page controls" in (await told(other, lambda m: "error" in m))["error"]
 
     run(fly)
 

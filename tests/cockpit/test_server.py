@@ -237,7 +237,7 @@ async def test_one_page_flies_and_another_watches_until_it_takes_control(client,
         await told(pilot, lambda m: m.get("pilot"))
         await told(other, lambda m: m.get("pilot") is False)
         await other.send_json({"command": {"law": "stop"}})
-        assert "another page flies" in (await told(other, lambda m: "error" in m))["error"]
+        assert "another page controls" in (await told(other, lambda m: "error" in m))["error"]
         await other.send_json({"take": True})
         await told(other, lambda m: m.get("pilot"))
         await told(pilot, lambda m: m.get("pilot") is False)
@@ -379,7 +379,7 @@ def test_a_port_in_use_and_a_wrong_address_are_refused_in_one_line():
     with socket.create_server(("127.0.0.1", 0)) as taken, pytest.raises(InputError, match="--port 0"):
         listen("127.0.0.1", taken.getsockname()[1])
     for host in ("no.such.host.invalid", "203.0.113.7"):
-        with pytest.raises(InputError, match=f"cockpit: --host: '{host}' is no address of this machine"):
+        with pytest.raises(InputError, match=f"cockpit: --host: '{host}' is not an address of this machine"):
             listen(host, 0)
 
 

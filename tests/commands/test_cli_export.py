@@ -182,7 +182,7 @@ def test_a_users_blocks_and_models_become_fmus(call, tmp_path):
 @pytest.mark.parametrize(
     ("args", "said"),
     [
-        ([], "expected what to export"),
+        ([], "expected a scenario, a part, a craft or a file"),
         (["tabel1"], "unknown block 'tabel1'; did you mean 'table1'?"),
         (["table1:plan"], "table1 has no part 'plan'; did you mean 'plant'?"),
         (["tabel1:plant"], "unknown scenario 'tabel1' in 'tabel1:plant'; did you mean 'table1'?"),

@@ -65,7 +65,10 @@ def test_a_log_that_cannot_be_read_is_a_finding(call, folder):
         (["sweep", "k06-turn", *VARY, *VARY], "--vary controller.k2 is given twice"),
         (["sweep", "k06-turn", *VARY, "--of", "r", "--of", "u"], "--of is given 2 times"),
         (["export", "table1", "--platforms", "all", "--platforms", "all"], "--platforms is given 2 times"),
-        (["export", "table1", "--platforms", ","], "no platform is named; known: "),
+        (
+            ["export", "table1", "--platforms", ","],
+            "platforms: expected one or more names, found none; known: ",
+        ),
         (["export", "table1", "--platforms", "all,nope"], "unknown platform 'nope'; known: "),
         (["export", "table1", "--platforms", "all,al"], "unknown platform 'al'; did you mean 'all'?"),
     ],
@@ -91,7 +94,7 @@ def test_a_name_is_never_proposed_for_itself():
         (["simulate", "craft.toml", "--duration", "1e9"], "expected a run of at most 40000 s, found 1e+09 s"),
         (
             ["simulate", "craft.toml", "--columns", "thrust=a"],
-            "--columns is of the log that --commands",
+            "--columns belongs to the log of --commands",
         ),
         (["identify", "a.csv", "--coefficients", ","], "--coefficients: expected names separated by commas"),
         (["diagnose", "a.csv", "--effects", "slope,wind,slope"], "--effects: 'slope' is given twice"),

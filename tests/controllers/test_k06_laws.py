@@ -218,7 +218,7 @@ def test_the_force_driven_plant_is_k06_2_10(state, x, y):
 
 def test_a_plant_that_is_not_driven_by_a_force_vector_is_refused():
     bent = hoverdemon().with_effects([effect("thrust_yaw_torque", 0.1)])
-    with pytest.raises(InputError, match="act otherwise than by a force vector"):
+    with pytest.raises(InputError, match="expected thrust and rudder to act only as a force vector"):
         force_driven(bent.plant())
     with pytest.raises(InputError, match="expected the inputs thrust and rudder"):
         force_driven(four_fan().plant())

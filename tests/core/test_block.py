@@ -116,7 +116,7 @@ def test_circular_definitions_are_refused_with_the_circle_spelled_out():
 
 @pytest.mark.parametrize("name", ["", "two words", "1st", "a.b"])
 def test_a_block_has_a_name(name):
-    with pytest.raises(InputError, match="no block name"):
+    with pytest.raises(InputError, match="is not a valid block name"):
         Block(name)
 
 

@@ -198,7 +198,7 @@ def test_shift_registers_are_the_links_of_the_hardware():
 
 
 def test_a_delay_between_two_steps_is_refused_with_the_nearest():
-    with pytest.raises(InputError, match=r"0\.3 s is no multiple.*0\.28 s and 0\.35 s"):
+    with pytest.raises(InputError, match=r"0\.3 s is not a multiple.*0\.28 s and 0\.35 s"):
         lag().to_control(step=0.07)
 
 
@@ -280,9 +280,9 @@ def test_an_input_that_is_late_in_one_block_only_is_refused():
 @pytest.mark.parametrize(
     ("delays", "error", "line"),
     [
-        ({"pusch": late.symbol}, InputError, "'pusch', no input.*push"),
-        ({"v": late.symbol}, InputError, "'v', no input"),
-        ({"push": v.symbol}, InputError, "depends on 'v', no parameter"),
+        ({"pusch": late.symbol}, InputError, "'pusch', which is not an input.*push"),
+        ({"v": late.symbol}, InputError, "'v', which is not an input"),
+        ({"push": v.symbol}, InputError, "depends on 'v', which is not a parameter"),
         ({"push": rate.symbol}, UnitError, "must be in s"),
         ({"push": "late"}, InputError, "expected an Expr"),
     ],
@@ -296,7 +296,7 @@ def test_nothing_acts_before_it_is_sent():
     with pytest.raises(InputError, match=r"acts -0\.1 s late.*cannot be negative"):
         simulate(lag(), [0.0, 1.0], params={"lag.late": -0.1})
     early = c17_simulation().with_effects([effect("time_offset", seconds=-0.05)])
-    with pytest.raises(InputError, match=r"time_offset_seconds = -0.05 s: measurements that are early"):
+    with pytest.raises(InputError, match=r"time_offset_seconds = -0.05 s: measurements would react"):
         early.plant()
     both = early.with_effects([effect("input_delay", seconds=0.08)])
     assert simulate(both.plant(), [0.0, 0.02, 0.04], [[1.0] * 3, [0.0] * 3]).outputs[3, 1:].tolist() > [

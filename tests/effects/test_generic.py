@@ -43,7 +43,7 @@ def tanks():
 def test_a_signal_with_a_name_that_effects_need_is_refused_in_one_line(name):
     v, k = Signal(name, "m/s"), Signal("k", "1/s", start=1.0)
     block = Block("cart", [v], [], [v], [k], {name: -k.symbol * v.symbol})
-    with pytest.raises(InputError, match=f"cart.*no signal may be called '{name}': effects .* that name"):
+    with pytest.raises(InputError, match=f"cart.*reserved signal name '{name}': effects .* this name"):
         BlockModel(block)
 
 

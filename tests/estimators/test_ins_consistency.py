@@ -113,7 +113,7 @@ def test_wrong_level_and_nothing_measured():
     e, P = np.ones((1, 3, 2)), np.ones((1, 1, 3, 2))
     with pytest.raises(InputError, match="level must be between 0 and 1, found 95"):
         consistency(e, P, level=95)
-    with pytest.raises(InputError, match="nothing was measured in run 1"):
+    with pytest.raises(InputError, match="there is no measurement in run 1"):
         consistency(e, P, e, e, measured=[[[True, False]] * 3])
 
 

@@ -102,8 +102,8 @@ def test_platforms_are_chosen_by_name():
     ]
     for wrong, said in (
         ("win64", "unknown platform 'win64'"),
-        ("", "no platform is named"),
-        ([], "no platform"),
+        ("", "platforms: expected one or more names, found none"),
+        ([], "platforms: expected one or more"),
     ):
         with pytest.raises(InputError, match=said):
             chosen_platforms(wrong)

@@ -240,7 +240,7 @@ def test_wrong_places_are_one_line(tmp_path):
     for path, said in (
         ("x.zip", "ends in .fmu"),
         ("file/x.fmu", "is a file, not a folder"),
-        ("folder.fmu", "it is a folder"),
+        ("folder.fmu", "found a folder"),
     ):
         with pytest.raises(InputError, match=said):
             BLOCKS["plant"].to_fmu(tmp_path / path)

@@ -68,7 +68,7 @@ def test_a_run_step_by_step_stands_where_the_fmu_ended_it(probe, fmi):
 
 @pytest.mark.parametrize("fmi", [2, 3])
 def test_an_fmu_that_states_no_step_gets_one_with_a_notice(probe, fmu, fmi):
-    with pytest.warns(UserWarning, match=r"probe0.fmu states no step size: taking 0.01 s, 10 ms"):
+    with pytest.warns(UserWarning, match=r"probe0.fmu has no step size: using 0.01 s, 10 ms"):
         assert probe(fmi, preferred=None).dt == 0.01
     path = fmu(fmi, preferred=None)
     text = description(fmi, preferred=None)

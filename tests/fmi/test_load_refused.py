@@ -34,7 +34,7 @@ def test_a_fixed_internal_step_of_fmi_3_is_the_default_and_the_measure(probe):
 
 @pytest.mark.parametrize("name", ["a.b", "", 3])
 def test_a_name_with_dots_is_refused(probe, name):
-    with pytest.raises(InputError, match=r"a system's name is a word without dots|name: expected a text"):
+    with pytest.raises(InputError, match=r"expected a system name without dots|name: expected a text"):
         probe(name=name)
 
 
@@ -54,7 +54,7 @@ def test_an_fmu_for_other_uses_or_platforms_is_refused(fmu, library, tmp_path, f
     with zipfile.ZipFile(path, "w") as archive:
         archive.writestr("modelDescription.xml", description(fmi))
         archive.writestr("sources/all.c", b"")
-    with pytest.raises(InputError, match=r"no binary for this platform .*; it has none at all"):
+    with pytest.raises(InputError, match=r"no binary for this platform .*; it has no binary"):
         load(path)
 
 
@@ -62,16 +62,20 @@ def test_an_fmu_for_other_uses_or_platforms_is_refused(fmu, library, tmp_path, f
     "old, new, line",
     [
         ('fmiVersion="2.0"', 'fmiVersion="1.0"', "is an FMU of FMI 1.0; expected FMI 2.0 or 3.0"),
-        ('fmiVersion="2.0"', "", "no FMI model description"),
-        ("fmiModelDescription", "somethingElse", "no FMI model description"),
-        ("</ModelVariables>", "", "modelDescription.xml is no XML: mismatched tag: line"),
-        ('causality="output"', 'causality="outcome"', r"breaks FMI 2.0: ERROR \(line .*outcome"),
-        ('valueReference="10"', 'valueReference="-1"', "breaks FMI 2.0"),
-        ('name="x"', 'name="u"', "breaks FMI 2.0: .*not unique"),
+        ('fmiVersion="2.0"', "", "is not an FMI model description"),
+        ("fmiModelDescription", "somethingElse", "is not an FMI model description"),
+        ("</ModelVariables>", "", "modelDescription.xml is not XML: mismatched tag: line"),
+        ('causality="output"', 'causality="outcome"', r"violates FMI 2.0: ERROR \(line .*outcome"),
+        ('valueReference="10"', 'valueReference="-1"', "violates FMI 2.0"),
+        ('name="x"', 'name="u"', "violates FMI 2.0: .*not unique"),
         ('<Unknown index="2"', '<Unknown index="999"', "cannot be read"),
-        ('modelIdentifier="probe"', 'modelIdentifier="../../probe"', "'../../probe' is no identifier of C"),
-        ('modelIdentifier="probe"', 'modelIdentifier="/lib/libc"', "'/lib/libc' is no identifier of C"),
-        (' unit="N"', ' unit="kN"', "breaks FMI 2.0"),
+        (
+            'modelIdentifier="probe"',
+            'modelIdentifier="../../probe"',
+            "'../../probe' is not an identifier of C",
+        ),
+        ('modelIdentifier="probe"', 'modelIdentifier="/lib/libc"', "'/lib/libc' is not an identifier of C"),
+        (' unit="N"', ' unit="kN"', "violates FMI 2.0"),
     ],
 )
 def test_a_description_that_breaks_the_standard_is_refused(library, tmp_path, old, new, line):

@@ -85,7 +85,7 @@ def test_arrays_of_fmi_3_are_spread_and_counted_from_one(probe):
 def test_signals_that_are_no_numbers_are_left_out_with_a_warning(probe):
     text = '<String name="label" valueReference="38" causality="input" variability="discrete">'
     text += '<Start value="a"/></String>'
-    with pytest.warns(UserWarning, match=r"left out, .*: input 'label' \(of type String, no number\)"):
+    with pytest.warns(UserWarning, match=r"left out, .*: input 'label' \(of type String, not a number\)"):
         system = probe(3, extra=text)
     assert system.input_labels == ["u"]
 
@@ -187,10 +187,10 @@ def test_a_state_belongs_to_its_time(probe):
 @pytest.mark.parametrize(
     "fmi, trouble, line",
     [
-        (2, "error", "fmi2DoStep returned fmi2Error; it says: the tank is empty, level -1.5"),
-        (3, "error", "fmi3DoStep returned fmi3Error; it says: the tank is empty, level -1.5"),
-        (2, "discard", "fmi2DoStep returned fmi2Discard; it says: no solution for u = 2"),
-        (3, "discard", "fmi3DoStep returned fmi3Discard; it says: no solution for u = 2"),
+        (2, "error", "fmi2DoStep returned fmi2Error; its message: the tank is empty, level -1.5"),
+        (3, "error", "fmi3DoStep returned fmi3Error; its message: the tank is empty, level -1.5"),
+        (2, "discard", "fmi2DoStep returned fmi2Discard; its message: no solution for u = 2"),
+        (3, "discard", "fmi3DoStep returned fmi3Discard; its message: no solution for u = 2"),
         (2, "early", "it returned early from the step, at t = 0.35 s"),
         (3, "early", "it returned early from the step, at t = 0.35 s"),
     ],
@@ -210,9 +210,9 @@ def test_a_failed_start_and_a_fatal_error_are_lines_too(probe):
     system = probe()
     with pytest.raises(InputError, match=r"at the start of a run, t = 0 s: .*cannot begin with trouble 10"):
         ct.input_output_response(system, T, U, params={"trouble": TROUBLE["not_ready"]})
-    with pytest.raises(InputError, match="fmi2Fatal; it says: memory is gone 0"):
+    with pytest.raises(InputError, match="fmi2Fatal; its message: memory is gone 0"):
         ct.input_output_response(system, T, U, params={"trouble": TROUBLE["fatal"]})
-    with pytest.raises(InputError, match="reported a fatal error before"):
+    with pytest.raises(InputError, match="cannot be used after its fatal error"):
         ct.input_output_response(system, T, U)
 
 

@@ -62,13 +62,13 @@ def test_two_runs_and_the_system_do_not_disturb_each_other(fmu):
 @pytest.mark.parametrize(
     ("work", "line"),
     [
-        (lambda f: f.start({"u": 1.0}), "an FMU keeps its state to itself, x0 must be None"),
+        (lambda f: f.start({"u": 1.0}), "expected x0 = None, because its state is not accessible"),
         (
             lambda f: f.start(params={"plant.yaw_colomb": 1.0}),
             "unknown parameter.*did you mean 'plant.yaw_coulomb'",
         ),
-        (lambda f: f.start().state, "keeps its state to itself"),
-        (lambda f: f.start().set(state={"u": 1.0}), "nothing outside can set it"),
+        (lambda f: f.start().state, "state is not accessible"),
+        (lambda f: f.start().set(state={"u": 1.0}), "state is not accessible"),
         (lambda f: f.start().set(params={"plant.yaw_coulomb": 1.0}), "set where a run starts"),
         (lambda f: f.start().step({"trhust": 1.0}, 0.1), "unknown input 'trhust'; did you mean 'thrust'"),
         (lambda f: f.start().step([np.inf, 0.0], 0.1), "input 'thrust' is inf"),

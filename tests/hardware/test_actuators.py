@@ -290,7 +290,7 @@ def test_commands_hold_for_20_ms(real):
             "expected a table over speeds, found 'ideal' over forces",
         ),
         (lambda: fan_motor(lag=-0.1), "fan_motor: lag must not be negative, found -0.1"),
-        (lambda: actuators(ideal=True, lag=0.1), "ideal ones take no other argument"),
+        (lambda: actuators(ideal=True, lag=0.1), "with ideal=True, expected no other argument"),
     ],
 )
 def test_wrong_input_is_refused_in_one_line(make, said):

@@ -116,7 +116,7 @@ def test_in_the_loop_with_everything_off_it_is_the_ideal_one_and_it_never_brakes
         (lambda: blade_element(1.0, 0.0, 1.0, 1.0), "radius must be positive"),
         (
             lambda: autopilot(reverse(k1=1, k2=1, alpha=1), propeller=VariablePitch(), tables=fan_tables()),
-            "tables are those of a fan",
+            "tables belong to a fan",
         ),
     ],
 )

@@ -60,7 +60,7 @@ def changed(row, column, cell):
             changed(1, 2, "-9500"),
             r"rudder -5 deg \(row 2\), force 0 \(column 3\): expected no less than -9000",
         ),
-        (GOOD[:2], "expected two rudder angles at least, found 1"),
+        (GOOD[:2], "expected two or more rudder angles, found 1"),
         ([], "row 1, column 1: expected"),
     ],
 )
@@ -90,7 +90,7 @@ def test_shapes_must_fit():
         ([1.0, 1.5, 1.5], [0, 1, 2], "pulses must be monotone: entry 3 is 1.5 ms after 1.5 ms"),
         ([1.0, 1.5, 2.0], [0, 2, 1], "angles must be monotone: entry 3 is 1 deg after 2 deg"),
         ([1.0, 1.5, 2.0], [2, 1, 1], "angles must be monotone: entry 3 is 1 deg after 1 deg"),
-        ([1.0, 1.5], [0, 2, 1], "as many angles as pulses, two at least, found 2 pulses and 3 angles"),
+        ([1.0, 1.5], [0, 2, 1], "two or more pulses and as many angles, found 2 pulses and 3 angles"),
     ],
 )
 def test_a_servos_table_must_be_monotone(pulse, angle, said):

@@ -176,7 +176,7 @@ def only(rudder, speed, force, chosen):
         ),
         (
             lambda: thrust_table_from_bench(*only(*fan_bench(), fan_bench()[1] > 0)),
-            "reverse thrust: expected 5 measurements at 4 different speeds at least, found 0 at 0",
+            "reverse thrust: expected 5 or more measurements at 4 or more different speeds, found 0 at 0",
         ),
         (lambda: fit_thrust([3000, 4000, 4000, 4000], [0.1, 0.2, 0.2, 0.2]), "found 4 at 2"),
         (lambda: fit_thrust([3000, 4000], [0.1]), r"columns of one length, found shapes \(2,\), \(1,\)"),

@@ -272,7 +272,7 @@ def test_a_fast_reader_sees_each_fix_once():
         (lambda: cricket_ranges(k06_beacons(), slots=0), "slots must be a positive whole number"),
         (lambda: cricket_ranges(k06_beacons(), cone_limit=-1.0), "cone_limit must not be negative"),
         (lambda: cricket_fixes(0), "at least one unit"),
-        (lambda: cricket(k06_beacons(), [(0, 0)], assisted=True), "wants two units"),
+        (lambda: cricket(k06_beacons(), [(0, 0)], assisted=True), "needs two units"),
         (lambda: two_unit_heading([(0, 0)]), "two units in different places"),
         (lambda: arrivals([]), "expected different flags"),
         (lambda: arrivals(["fix"]), "ends in '_valid'"),

@@ -75,8 +75,8 @@ def test_k06s_noise_gives_the_variance_that_its_filter_expects():
 @pytest.mark.parametrize(
     ("make", "wrong", "said"),
     [
-        (magnetometer, {"field": (0.0, 0.0)}, "points nowhere"),
-        (magnetic_heading, {"field": (0.0, 0.0)}, "points nowhere"),
+        (magnetometer, {"field": (0.0, 0.0)}, "it has no direction"),
+        (magnetic_heading, {"field": (0.0, 0.0)}, "it has no direction"),
         (magnetometer, {"noise": -1.0}, "must not be negative"),
         (magnetometer, {"period": 0.0}, "must be positive"),
         (magnetometer, {"hard_iron": 1.0}, "hard_iron: expected a sequence, each a number"),

@@ -208,7 +208,7 @@ def test_the_side_is_a_parameter_of_a_solver_of_two_beacons_only():
     for side in (1.0, -1.0):
         told = two.to_numpy().outputs(0.0, (), [*rho, 1, 1], {"range_solver.side": side})
         assert told == pytest.approx([0.5, 0.7 * side, 0.0, 1.0], abs=1e-9)
-    with pytest.raises(InputError, match="with two beacons `side` decides between"):
+    with pytest.raises(InputError, match="expected no `previous` with two beacons"):
         range_solver(Beacons([(0, 0), (2, 0)], 2.0), previous=True)
     more = range_solver(k06_beacons(), side=-1)
     assert "side" not in [s.name for s in more.parameters]
@@ -268,13 +268,13 @@ def test_a_survey_error_moves_the_place():
         (lambda: Beacons([(0, 0)], 2.0), "at least two, found 1"),
         (
             lambda: Beacons([(1, 1), (1, 1)], 2.0),
-            r"two in different places, found \(\(1.0, 1.0\), \(1.0, 1.0\)\)",
+            r"two different positions, found \(\(1.0, 1.0\), \(1.0, 1.0\)\)",
         ),
-        (lambda: Beacons([(1, 1), (1, 1.001)], 2.0), "two in different places"),
+        (lambda: Beacons([(1, 1), (1, 1.001)], 2.0), "two different positions"),
         (lambda: range_solver(k06_beacons(), side=0), "side must be 1 or -1, found 0"),
         (lambda: locate([2.0, 2.0], Beacons([(0, 0), (1, 0)], 1.0), side=2), "side must be 1 or -1, found 2"),
-        (lambda: Beacons([(0, 0), (1, 1), (2, 2)], 2.0), "out of line"),
-        (lambda: Beacons([(1, 1)] * 3, 2.0), "out of line"),
+        (lambda: Beacons([(0, 0), (1, 1), (2, 2)], 2.0), "not in a line"),
+        (lambda: Beacons([(1, 1)] * 3, 2.0), "not in a line"),
         (lambda: Beacons([(0, 0), (1, 0), (0, 1)], 0.0), "beacon 1: height must be positive"),
         (lambda: Beacons([(0, 0), (1, 0), (0, 1)], [2.0, 2.0]), "expected 3 heights, found 2"),
         (lambda: Beacons([(0, 0), (1, 0), (0,)], 2.0), "beacon 3: position: expected two numbers"),

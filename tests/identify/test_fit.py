@@ -300,7 +300,7 @@ def test_a_model_that_moves_by_the_commands_of_another_run_predicts_nothing(cart
     log, other = cart_log(1, seconds=60.0), cart_log(2, seconds=60.0)
     found = identify(cart, [log.with_columns({"F": other["F"]})])
     assert "this model does not predict the motion" in found.table(), found.table()
-    assert "0.25 s ahead it is no better than that velocities stay" in found.misfit
+    assert "0.25 s ahead no better than assuming constant velocity" in found.misfit
     craft, turned = rudder_log(POSE, seconds=20), rudder_log(POSE, seconds=20, seed=2)
     found = identify(c17_experiment(), [craft.with_columns({"rudder": turned["rudder"]})])
     assert "it does not predict r; something is missing or wrong" in found.misfit

@@ -148,4 +148,4 @@ def test_every_command_takes_what_diagnose_found(folder, monkeypatch, capsys):
     code, out, err = call(monkeypatch, capsys, "check", "run3.csv", "--model", *with_params, "-o", "c")
     assert code == 0 and "gain" in out, err
     code, _, err = call(monkeypatch, capsys, "simulate", "table1", "--params", "lacks/parameters.toml")
-    assert code == 2 and "--params are of a model FILE.py:NAME, found table1" in err
+    assert code == 2 and "--params belongs to a model FILE.py:NAME, found table1" in err

@@ -119,7 +119,7 @@ def test_a_users_file_is_neither_removed_nor_overwritten(tmp_path, as_one):
     names = ("changed.csv", "own.csv", "same.csv", "link.csv")
     with pytest.warns(UserWarning, match="kept as") as said:
         write_folder(out, results("2", *names), stale=("old_*.csv",))
-    end = "changed.csv was not written by hovercontrol, or was changed since: kept as changed.kept-1.csv"
+    end = "changed.csv was not written by hovercontrol, or has changed since: kept as changed.kept-1.csv"
     assert len(said) == 3 and str(said[0].message).endswith(end)
     mine = {f"{name}.kept-1.csv": "mine" for name in ("changed", "own")}
     old = {"old_2.csv": "mine", "old_3.csv": "mine"}

@@ -56,7 +56,7 @@ def test_wrong_names(cart, end, text):
         ("x = 1\n", "bad.py: expected FILE.py:NAME of a Model; the file defines none"),
         ("x = 1\nimport sys\nsys.exit(0)\n", "bad.py, line 3: SystemExit: 0"),
         ("raise GeneratorExit('enough')\n", "bad.py, line 1: GeneratorExit: enough"),
-        ("raise ValueError\n", "bad.py, line 1: ValueError: no more is said"),
+        ("raise ValueError\n", "bad.py, line 1: ValueError: no message"),
     ],
 )
 def test_wrong_files(tmp_path, code, text):

@@ -15,12 +15,12 @@ MODEL = "\nimport hovercontrol as hc\nMODEL = hc.vehicle('c17_simulation')\n"
 REFUSED = {
     "exit": ("import sys\nsys.exit(0)", "line 2: SystemExit: 0"),
     "exit by name": ("raise SystemExit('enough')", "line 1: SystemExit: enough"),
-    "interrupt": ("raise KeyboardInterrupt", "line 1: KeyboardInterrupt: no more is said"),
+    "interrupt": ("raise KeyboardInterrupt", "line 1: KeyboardInterrupt: no message"),
     "own interrupt": (
         "class Mine(KeyboardInterrupt): pass\nraise Mine('now')",
         "line 2: Mine: now",
     ),
-    "base": ("class Mine(BaseException): pass\nraise Mine", "line 2: Mine: no more is said"),
+    "base": ("class Mine(BaseException): pass\nraise Mine", "line 2: Mine: no message"),
     "str": (
         "class Mute(Exception):\n    def __str__(self): raise ValueError('no')\nraise Mute",
         "line 3: Mute: its text cannot be shown",

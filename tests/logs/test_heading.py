@@ -62,7 +62,7 @@ def test_what_is_no_rotation_is_told(tmp_path: Path) -> None:
         read_log(file, {"psi": "x,y,qz,qw", "x": "qx", "y": "qy"})
     with pytest.raises(ArgumentError, match="no column 'qa' to read 'psi' from"):
         read_log(file, {"psi": "qx,qy,qz,qa"})
-    with pytest.raises(ArgumentError, match="only psi can be made of a rotation"):
+    with pytest.raises(ArgumentError, match="only psi can be computed from a rotation"):
         read_log(file, {"x": "qx,qy,qz,qw"})
 
 

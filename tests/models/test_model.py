@@ -228,7 +228,7 @@ def test_a_mirrored_craft_makes_the_mirrored_motion(rng):
 
 
 def test_an_effect_stands_once():
-    with pytest.raises(InputError, match="'thrust' stands twice"):
+    with pytest.raises(InputError, match="'thrust' is listed twice"):
         Model("puck", [effect("thrust", 1.0), effect("thrust", 2.0)])
 
 

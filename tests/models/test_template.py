@@ -110,10 +110,10 @@ def test_what_is_there_is_left_as_it_is_and_wrong_words_are_named(tmp_path, monk
     path = tmp_path / "craft.toml"
     path.write_text("mine", encoding="utf-8")
     assert run(monkeypatch, "new", path) == 2
-    assert "exists already" in capsys.readouterr().err and path.read_text() == "mine"
+    assert "expected the name of a new file" in capsys.readouterr().err and path.read_text() == "mine"
     assert run(monkeypatch, "new", tmp_path / "a.toml", "--kind", "fans") == 2
     assert "unknown 'fans'; did you mean 'fan'?" in capsys.readouterr().err
     assert run(monkeypatch, "new", tmp_path / "a.toml", "--kind", "block") == 2
     assert "ends in .py" in capsys.readouterr().err
-    with pytest.raises(InputError, match="'2fast' is no name"):
+    with pytest.raises(InputError, match="'2fast' is not a valid model name"):
         template("rudder", "2fast", "2fast.toml")

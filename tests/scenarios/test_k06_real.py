@@ -308,7 +308,7 @@ def test_simulate_says_how_often_commands_were_clipped(tmp_path, capsys):
         (
             "brake = false",
             "beacons = [[0, 0, 2], [1, 0, 2]]",
-            "heard by navigation 'cricket', found 'magneto",
+            "belong to navigation 'cricket', found 'magneto",
         ),
         (
             "brake = false",
@@ -319,7 +319,7 @@ def test_simulate_says_how_often_commands_were_clipped(tmp_path, capsys):
         (
             "brake = false",
             CRICKET + "beacons = [[0, 0, 2], [1, 0, 2], [2, 0, 2]]",
-            "autopilot.beacons: beacons: expected some out of line",
+            "autopilot.beacons: beacons: expected positions that are not in a line",
         ),
         ("brake = false", "brakes = false", "unknown key in autopilot 'brakes'; did you mean 'brake'?"),
         ("brake = false", "brake = 0.1", "autopilot.brake must be a bool, found 0.1"),

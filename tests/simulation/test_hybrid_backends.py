@@ -142,7 +142,7 @@ def test_python_control_is_numpy_whatever_the_step(expected, step):
     run = control.input_output_response(system, TIMES[::stride], pushed[None, ::stride], start)
     found = rows(simulate(LOOP, TIMES, {"push": pushed}))
     assert_same(rows(run), {name: values[::stride] for name, values in found.items()})
-    with pytest.raises(InputError, match="has parts that tick and so no linearisation"):
+    with pytest.raises(InputError, match="has parts that tick and therefore no linearisation"):
         system.linearize(start, [0.0])
 
 

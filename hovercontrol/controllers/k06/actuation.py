@@ -106,6 +106,6 @@ def force_driven(plant: Block) -> Block:
     }
     length = sp.sqrt(FORCE_X.symbol**2 + FORCE_Y.symbol**2)
     if any(e.has(length, sp.atan2) for e in slopes.values()):
-        raise InputError(f"block {plant.name!r}: thrust or rudder act otherwise than by a force vector")
+        raise InputError(f"block {plant.name!r}: expected thrust and rudder to act only as a force vector")
     kept = tuple(s for s in plant.outputs if s.name in {state.name for state in plant.states})
     return Block(plant.name, plant.states, (FORCE_X, FORCE_Y), kept, plant.parameters, slopes)

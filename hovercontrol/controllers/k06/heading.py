@@ -26,17 +26,17 @@ from hovercontrol.io.tables import positive
 from hovercontrol.models.model import MOTION
 from hovercontrol.models.vehicles import HOVERDEMON_BODY, Body
 
-HEADING_REF = Signal("heading_ref", "rad", "wanted heading, not wrapped")
+HEADING_REF = Signal("heading_ref", "rad", "heading reference, not wrapped")
 
 #: K06's base tick [s].
 TICK = 0.001
 
 _SEEN = tuple(s for s in MOTION if s.name in ("psi", "u", "v", "r"))
 _PSI, _U, _V, _R = (s.symbol for s in _SEEN)
-_MODE = Signal("heading_mode", description="what the heading controller does", modes=("stop", "turn"))
-_LAST_MODE = _MODE.replace(name="last_heading_mode", description="its mode at the last tick")
-_LAST_RATE = YAW_RATE_REF.replace(name="last_yaw_rate", description="wanted yaw rate of the last tick")
-_ERROR = Signal("heading_error", "rad", "heading less wanted heading")
+_MODE = Signal("heading_mode", description="mode of the heading controller", modes=("stop", "turn"))
+_LAST_MODE = _MODE.replace(name="last_heading_mode", description="mode at the last tick")
+_LAST_RATE = YAW_RATE_REF.replace(name="last_yaw_rate", description="yaw rate reference of the last tick")
+_ERROR = Signal("heading_error", "rad", "heading minus heading reference")
 _TURNING = sp.Eq(_LAST_MODE.symbol, _LAST_MODE.mode("turn"))
 
 
@@ -80,7 +80,7 @@ def bang_bang_heading(
     (0.001, ('stop', 'turn'))
     """
     positive("guidance: yaw_rate", yaw_rate)
-    speed = Signal("yaw_rate", "rad/s", "size of the yaw rate", start=yaw_rate)
+    speed = Signal("yaw_rate", "rad/s", "magnitude of the yaw rate reference", start=yaw_rate)
     mass, inertia, arm = body_signals(body)
     limit = entry_energy(mass.symbol, inertia.symbol, arm.symbol, speed.symbol)
     wanted = -sp.sign(_ERROR.symbol) * speed.symbol
@@ -156,7 +156,9 @@ def _heading(
 
     `limit` is the energy below which a turn may begin, `wanted` its yaw rate.
     """
-    phi = Signal("tolerance", "rad", "error that is none", start=positive("guidance: tolerance", tolerance))
+    phi = Signal(
+        "tolerance", "rad", "tolerance of the heading error", start=positive("guidance: tolerance", tolerance)
+    )
     m, J = (p.symbol for p in parameters if p.name in ("mass", "inertia"))
     energy = Signal("energy", "J", "kinetic energy")
     calm = Signal("entry_energy", "J", "kinetic energy below which a turn may begin")

@@ -18,10 +18,10 @@ from hovercontrol.io.tables import positive
 from hovercontrol.models.model import MOTION
 from hovercontrol.models.vehicles import HOVERDEMON_BODY, Body
 
-FORCE_X = Signal("force_x", "N", "wanted force along the bow")
-FORCE_Y = Signal("force_y", "N", "wanted force to the left, at the rudder")
-SURGE_REF = Signal("surge_ref", "m/s", "wanted surge velocity")
-YAW_RATE_REF = Signal("yaw_rate_ref", "rad/s", "wanted yaw rate")
+FORCE_X = Signal("force_x", "N", "commanded force along the bow")
+FORCE_Y = Signal("force_y", "N", "commanded force to the left, at the rudder")
+SURGE_REF = Signal("surge_ref", "m/s", "surge velocity reference")
+YAW_RATE_REF = Signal("yaw_rate_ref", "rad/s", "yaw rate reference")
 
 _MOVING = tuple(s for s in MOTION if s.name in ("u", "v", "r"))
 _U, _V, _R = (s.symbol for s in _MOVING)

@@ -22,7 +22,7 @@ from hovercontrol.models.vehicles import HOVERDEMON_BODY, Body
 GOAL = (
     Signal("goal_x_ref", "m", "goal, earth frame"),
     Signal("goal_y_ref", "m", "goal, earth frame"),
-    Signal("goal_heading_ref", "rad", "heading wanted at the goal"),
+    Signal("goal_heading_ref", "rad", "heading reference at the goal"),
 )
 
 #: K06's steps (1)-(2), (3), (4), (5) and the end.
@@ -30,7 +30,7 @@ MODE = Signal(
     "mode", description="step of the pose controller", modes=("point", "drive", "halt", "orient", "rest")
 )
 
-_LAST = MODE.replace(name="last_mode", description="its step at the last tick")
+_LAST = MODE.replace(name="last_mode", description="step at the last tick")
 
 
 @checked
@@ -163,7 +163,7 @@ def _steps(numbers: dict[str, tuple[float, str]], period: float, body: Body) -> 
             SURGE_REF.replace(lower=-lowest),
             HEADING_REF,
             MODE,
-            Signal("distance", "m", "from the goal"),
+            Signal("distance", "m", "distance from the goal"),
         ),
         parameters=(*own.values(), mass, inertia),
         definitions={

@@ -44,7 +44,7 @@ def setpoints(
     told = {s.name: s for b in every for s in b.inputs if s.name.endswith("_ref") and s.name not in driven}
     for key, value in (values or {}).items():
         if key not in told:
-            raise InputError(f"{name}: no law has the set point {key!r}{did_you_mean(key, told)}")
+            raise InputError(f"{name}: unknown set point {key!r}{did_you_mean(key, told)}")
         told[key] = told[key].replace(start=told[key].check(value))
     inner = {key: signal.replace(name=f"{name}.{key}") for key, signal in told.items()}
     return Block(

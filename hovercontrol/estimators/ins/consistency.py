@@ -201,7 +201,7 @@ def _nis(
     there = np.broadcast_to(np.asarray(measured, dtype=bool), v.shape)
     count = there.sum(axis=(0, 1))
     if not count.all():
-        raise InputError(f"consistency: nothing was measured in run {int(np.argmin(count))}")
+        raise InputError(f"consistency: there is no measurement in run {int(np.argmin(count))}")
     if not (S[there] > 0).all():
         raise InputError("consistency: a variance of an innovation is not positive")
     # NIS = (1/M) sum nu^2 / S over the M measurements of a run: chi2(M) / M.

@@ -29,11 +29,11 @@ class Platform:
     name : str
         FMI 3's platform tuple, the folder in ``binaries``.
     fmi2 : str
-        FMI 2's folder. FMI 2.0 names x86 only; from 2.0.4 on the others have FMI 3's names there.
+        FMI 2's folder. FMI 2.0 names x86 only; since 2.0.4 the others have FMI 3's names.
     suffix : str
         Of shared libraries.
     target : str
-        What ziglang calls it; Linux with the oldest C library that the file is to run with.
+        ziglang's target name; on Linux with the oldest supported C library.
     """
 
     name: str
@@ -102,12 +102,12 @@ def this_platform() -> str:
 
 
 def chosen_platforms(names: str | Iterable[str] | None) -> tuple[Platform, ...]:
-    """Return platforms by name: None is this machine's, "all" every one that is known.
+    """Return platforms by name: None for this machine's, "all" for all known platforms.
 
     Raises
     ------
     InputError
-        If a name is unknown; the nearest is in the text.
+        If a name is unknown; the message names the nearest one.
 
     Examples
     --------
@@ -118,7 +118,9 @@ def chosen_platforms(names: str | Iterable[str] | None) -> tuple[Platform, ...]:
         names = this_platform()
     wanted = [n.strip() for n in names.split(",") if n.strip()] if isinstance(names, str) else list(names)
     if not wanted:
-        raise InputError("no platform is named" + did_you_mean("", [*PLATFORMS, "all"]))
+        raise InputError(
+            "platforms: expected one or more names, found none" + did_you_mean("", [*PLATFORMS, "all"])
+        )
     known = [*PLATFORMS, "all"]
     for name in wanted:
         if name not in known:
@@ -130,20 +132,20 @@ def chosen_platforms(names: str | Iterable[str] | None) -> tuple[Platform, ...]:
 def build_binary(name: str, files: Mapping[str, str], wanted: Platform) -> bytes:
     """Return the shared library for a platform, from the user's cache or built now.
 
-    For this machine the system's compiler is used, unless the file would need a newer C library than
-    :data:`OLDEST_GLIBC` and ziglang is at hand; for other machines ziglang.
+    This machine's library is made by the system's compiler, or by ziglang (if installed) where the file would
+    need a newer C library than :data:`OLDEST_GLIBC`. Those of other machines are made by ziglang.
 
     Parameters
     ----------
     name : str
-        An identifier; begins the cached file's name.
+        An identifier, prefix of the cached file's name.
     files : mapping of str to str
         C sources and headers by file name.
 
     Raises
     ------
     InputError
-        If there is no compiler for that platform (the line says what to install), or it fails.
+        If there is no compiler for that platform (the message says what to install), or it fails.
     """
     zig = _zig()
     own = _is_this_machine(wanted)
@@ -194,7 +196,7 @@ def _is_this_machine(wanted: Platform) -> bool:
 
 
 def needed_glibc(binary: bytes) -> tuple[int, ...]:
-    """Return the highest version of glibc's symbols that a binary asks for; (0,) where it asks for none.
+    """Return the highest version of glibc symbols in a binary; (0,) if there are none.
 
     Examples
     --------

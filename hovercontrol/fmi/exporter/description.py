@@ -14,7 +14,7 @@ from hovercontrol.fmi.exporter.units import DEGREES, Unit
 from hovercontrol.fmi.exporter.variables import Interface, Variable
 
 CATEGORIES = {
-    "logEvents": "friction that sticks or slips, switches by the clock",
+    "logEvents": "friction that sticks or slips, switches at given times",
     "logStatusWarning": "calls that return a warning",
     "logStatusDiscard": "calls that return discard: a step that the solver cannot take",
     "logStatusError": "calls that return an error",
@@ -79,7 +79,7 @@ def model_description(
     token : str
         FMI 3's instantiationToken, FMI 2's guid.
     text : str
-        What the model is, in a sentence.
+        Description of the model, one sentence.
     source_files : iterable of str, optional
         Files to compile; FMI 2 lists them here, FMI 3 in ``buildDescription.xml``.
     """
@@ -145,7 +145,7 @@ def _units(root: Element, listed: Iterable[Variable]) -> None:
 
 
 def _types(root: Element, listed: list[Variable], version: Version) -> dict[Unit | None, str]:
-    """Write a type for each unit, and one for friction modes; return their names."""
+    """Write a type for each unit and one for friction modes; return their names."""
     taken = {v.name for v in listed}
     definitions = SubElement(root, "TypeDefinitions")
     names: dict[Unit | None, str] = {}
@@ -247,12 +247,12 @@ def _structure(parent: Element, interface: Interface, version: Version) -> None:
 
 
 def _without(u: Unknown, left_out: set[int]) -> Unknown:
-    """FMI 2's knowns are inputs, states and time; parameters count at initialization only."""
+    """In FMI 2 knowns are inputs, states and time; parameters are knowns at initialization only."""
     return Unknown(u.reference, tuple(k for k in u.knowns if k[0] not in left_out))
 
 
 def _at_initialization(u: Unknown) -> Unknown:
-    """Tunable and discrete factors are no kinds there: what is not constant is dependent."""
+    """There are no tunable or discrete factors there: a factor that is not constant is dependent."""
     kinds = ((r, kind if kind == "constant" else "dependent") for r, kind in u.knowns)
     return Unknown(u.reference, tuple(kinds))
 

@@ -1,4 +1,4 @@
-"""``documentation/index.html`` of an FMU: one page, nothing from elsewhere, for a screen or a phone."""
+"""``documentation/index.html`` of an FMU: one self-contained page."""
 
 from __future__ import annotations
 
@@ -83,11 +83,11 @@ def documentation(
     ----------
     version : {2, 3}
     text : str
-        What the model is.
+        Description of the model.
     icon : str
         As SVG.
     files : iterable of str
-        Paths within the FMU that the page names: the reference trajectory and its inputs.
+        Paths within the FMU: the reference trajectory and its inputs.
     """
     name = escape(interface.block.name)
     parts = [

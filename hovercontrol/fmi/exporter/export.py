@@ -1,4 +1,4 @@
-"""Export: a Block as an FMU, one file that holds Model Exchange and Co-Simulation for several platforms."""
+"""Export of a Block as an FMU: one file with Model Exchange and Co-Simulation for several platforms."""
 
 from __future__ import annotations
 
@@ -54,25 +54,25 @@ def export_fmu(
     ----------
     block : Block
     path : path
-        Ends in ``.fmu``.
+        File name with the suffix ``.fmu``.
     version : {2, 3}, optional
         FMI 2.0 or 3.0.
     platforms : str or iterable of str, optional
         Names or ``"all"``, see :data:`hovercontrol.fmi.exporter.binaries.PLATFORMS`; default: this machine's.
     friction : {"smooth", "events"}, optional
-        Dry friction smoothed over its width: the numbers of :func:`hovercontrol.simulate` and
-        ``block.compile()``. Or Coulomb's law, which sticks at exactly zero velocity and gives importers
-        events; see :data:`hovercontrol.core.friction.Friction` for what is physical.
+        ``"smooth"``: dry friction is smoothed over its width, as in :func:`hovercontrol.simulate` and
+        ``block.compile()``. ``"events"``: Coulomb's law, with sticking at exactly zero velocity and events
+        for importers; see :data:`hovercontrol.core.friction.Friction`.
     step, stop : float, optional
         Communication step and end of the default experiment [s]; default 0.01 and 10.
     rtol, atol : float, optional
-        Tolerances of the solver in Co-Simulation; an importer may ask for another. `atol` is times each
-        state's nominal size. The default experiment of a Block that ticks asks for `rtol` times
+        Tolerances of the solver in Co-Simulation; an importer may set another. `atol` is relative to each
+        state's nominal size. The default experiment of a Block with ticks has the tolerance `rtol` times
         :data:`FINER`.
     description : str, optional
         What the model is, in a sentence.
     progress : callable, optional
-        Called with the part that is done, 0 to 1.
+        Called with the completed fraction, 0 to 1.
 
     Returns
     -------
@@ -96,7 +96,7 @@ def export_fmu(
     if target.suffix != ".fmu":
         raise InputError(f"{path}: expected a file name that ends in .fmu")
     if target.is_dir():
-        raise InputError(f"{path}: cannot write there: it is a folder")
+        raise InputError(f"{path}: expected a file to write, found a folder")
     if version not in (2, 3):
         raise InputError(f"FMI version must be 2 or 3, found {version!r}")
     wanted = chosen_platforms(platforms)
@@ -172,7 +172,7 @@ def _build_description(name: str, compiled: Iterable[str]) -> bytes:
     group = SubElement(configuration, "SourceFileSet", language="C99")
     for file in compiled:
         SubElement(group, "SourceFile", name=file)
-    prefix = {"optional": "true", "value": "", "description": "put before the name of every FMI function"}
+    prefix = {"optional": "true", "value": "", "description": "prefix of every FMI function"}
     definition = SubElement(group, "PreprocessorDefinition", {"name": "FMI3_FUNCTION_PREFIX"} | prefix)
     SubElement(definition, "Option", value="", description="in a shared library")
     SubElement(definition, "Option", value=f"{name}_", description="in a static library")
@@ -206,7 +206,7 @@ def _simulated(interface: Interface, experiment: Experiment, atol: float, held: 
 
 
 def _typical(start: float, nominal: float, lower: float, upper: float) -> float:
-    """Return a value at which something happens: the start value, else half the typical size."""
+    """Return a value with an effect on the outputs: the start value, else half the nominal size."""
     return min(max(start or 0.5 * nominal, lower), upper)
 
 

@@ -1,4 +1,4 @@
-"""The .fmu file: a ZIP archive whose bytes depend on nothing but its content."""
+"""The .fmu file: a ZIP archive whose bytes depend only on its content."""
 
 from __future__ import annotations
 

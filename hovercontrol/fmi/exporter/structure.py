@@ -1,8 +1,9 @@
 """Dependencies between variables: the ModelStructure of an FMU, from the equations alone.
 
 A known v enters an unknown as ``c v`` with a factor of numbers (constant), of tunable parameters (tunable),
-of friction modes besides (discrete), or otherwise (dependent). What is found can be said too weakly, never
-too strongly: terms that cancel are not looked for, what a jump (``floor``, ``Piecewise``) sees is dependent.
+of friction modes besides (discrete), or otherwise (dependent). The result may be weaker than possible, but is
+never too strong: cancelling terms are not detected, and the arguments of jumps (``floor``, ``Piecewise``) are
+dependent.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ Form = dict[sp.Symbol, frozenset[sp.Symbol] | None]
 
 @dataclass(frozen=True)
 class Unknown:
-    """A variable and what it depends on: value references, each with its kind, sorted."""
+    """A variable and its dependencies: sorted value references, each with its kind."""
 
     reference: int
     knowns: tuple[tuple[int, str], ...]
@@ -34,7 +35,7 @@ class Structure:
     Attributes
     ----------
     outputs, derivatives, events : tuple of Unknown
-        Knowns are time, states (those that ticks set at initialization only), inputs and parameters.
+        Knowns are time, states (states set by ticks at initialization only), inputs and parameters.
     """
 
     def __init__(self, interface: Interface) -> None:

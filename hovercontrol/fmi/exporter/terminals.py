@@ -1,4 +1,4 @@
-"""``terminalsAndIcons.xml`` of FMI 3: signals that belong together, for tools to connect them at once."""
+"""``terminalsAndIcons.xml`` of FMI 3: groups of signals that tools can connect at once."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ _ENDINGS = {"_ref": "reference", "_hat": "estimate"}
 _TEXTS = {
     "pose": "position and heading in the earth frame",
     "velocity": "surge, sway and yaw rate in the body frame",
-    "tracking_error": "position less its reference",
-    "reference": "what the craft is to follow",
+    "tracking_error": "position minus its reference",
+    "reference": "reference of the craft",
     "estimate": "estimated coefficients",
     "command": "commands to the actuators",
 }

@@ -1,4 +1,4 @@
-"""Units of an FMU: names, exponents of the base units, what a person would rather read, quantities."""
+"""Units of an FMU: names, exponents of the base units, display units, quantities."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ class Unit:
     Parameters
     ----------
     exponents : tuple of (str, int) or None
-        The base units that occur, ``rad`` among them; empty for plain numbers. None where FMI cannot say
-        them: it has whole exponents only, and the density of a noise is in m/s^2.5.
+        Exponents of the base units, including ``rad``; empty for dimensionless numbers. None if FMI cannot
+        express them: it has integer exponents only, and a noise density is in m/s^2.5.
     quantity : str
         A name for the type definition, such as ``AngularVelocity``.
     display : str or None
@@ -91,6 +91,6 @@ def _is_rate_of_angle(name: str) -> bool:
 
 
 def _plain_name(unit: str) -> str:
-    """Return an identifier for a unit that has no quantity of its own: ``m2_per_s3``."""
+    """Return an identifier for a unit without a named quantity: ``m2_per_s3``."""
     above, *below = unit.replace("^", "").replace("*", "_").replace(".", "_").split("/")
     return "_per_".join(["Quantity_" + above, *below])

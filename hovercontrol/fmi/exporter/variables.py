@@ -1,8 +1,8 @@
 """The variables of an FMU: one table from which descriptions, C tables and documentation are made.
 
 Value references are the same in FMI 2 and 3, in this order: time; states; derivatives; inputs; parameters;
-outputs; event indicators; friction modes (``hc_instance.h`` counts them the same way). States that ticks set
-come last among the states and have no derivative, though a reference is kept for one.
+outputs; event indicators; friction modes (``hc_instance.h`` counts them the same way). States set by ticks
+are the last states; they have no derivative, but a value reference is reserved for one.
 """
 
 from __future__ import annotations
@@ -55,13 +55,13 @@ class Interface:
     Parameters
     ----------
     block : Block
-        A sampled one as the hybrid Block that does the same.
+        A sampled Block is replaced by an equivalent hybrid Block.
     friction : {"events", "smooth"}
 
     Raises
     ------
     InputError
-        If `friction` is neither, there is nothing to export, or a value cannot be said in FMI.
+        If `friction` is unknown, there is nothing to export, or FMI cannot express a value.
 
     Examples
     --------
@@ -93,12 +93,12 @@ class Interface:
 
     @property
     def differentiable(self) -> bool:
-        """Whether the FMU gives partial derivatives: not of what only ticks, which moves by jumps alone."""
+        """Whether the FMU gives partial derivatives; a Block that only ticks has none."""
         return self.block.n_continuous > 0 or not self.block.ticks
 
     @cached_property
     def held(self) -> dict[str, int]:
-        """States that ticks set, with their value references."""
+        """States set by ticks, with their value references."""
         n = self.block.n_continuous
         return {s.name: self.first("state") + n + k for k, s in enumerate(self.block.states[n:])}
 
@@ -110,7 +110,7 @@ class Interface:
 
     @cached_property
     def variables(self) -> tuple[Variable, ...]:
-        """The listed variables by value reference; an output that is a state of its name is that state."""
+        """The listed variables by value reference; an output equal to the state of its name is that state."""
         return tuple(self._listed())
 
     def of(self, *kinds: Kind) -> tuple[Variable, ...]:
@@ -160,7 +160,7 @@ class Interface:
                 computed = ("output", "continuous", "calculated", fmi_unit(s.unit), s.description)
                 yield Variable(k, "output", name, *computed, *limits)
         for k, f in enumerate(self.frictions, self.first("event")):
-            text = f"changes sign where the dry friction of {names[f.state]} sticks or slips"
+            text = f"zero crossing where the dry friction of {names[f.state]} sticks or slips"
             name = self._name(_beside(names[f.state], "event_indicator"))
             yield Variable(k, "event", name, "local", "continuous", "calculated", None, text)
         for k, f in enumerate(self.frictions, self.first("mode")):
@@ -180,7 +180,9 @@ class Interface:
         reinit: bool = False,
     ) -> Variable:
         if not math.isfinite(s.start):
-            raise InputError(f"block {self.block.name!r}: {s.name} starts at {s.start:g}, FMI wants a number")
+            raise InputError(
+                f"block {self.block.name!r}: {s.name} starts at {s.start:g}, FMI needs a finite number"
+            )
         return Variable(
             reference,
             kind,

@@ -1,1 +1,1 @@
-"""Anyone's FMU: read, checked, run, and a python-control system."""
+"""Import of FMUs from any source: checked, run, and used as python-control systems."""

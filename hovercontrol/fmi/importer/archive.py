@@ -1,8 +1,8 @@
-"""FMUs are ZIP archives from anyone: looked through before a byte is unpacked or a parser sees it.
+"""ZIP archives of FMUs from unknown sources: checked before they are unpacked or parsed.
 
-Names, counts and sizes are checked in the archive's directory first; the same limits then hold for the bytes
-that really come out, whatever the directory claimed. ``modelDescription.xml`` passes a streaming parser that
-stops at the first document type declaration, so that no entity is ever expanded.
+Names, counts and sizes are checked in the archive's directory first. The same limits then apply to the
+unpacked bytes, whatever the directory declares. A streaming parser reads ``modelDescription.xml`` and stops
+at the first document type declaration, so no entity is expanded.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _DEVICES = re.compile(r"(con|prn|aux|nul|com[0-9]|lpt[0-9])(\..*)?", re.IGNORECA
 
 
 class Limits(NamedTuple):
-    """What an archive may hold at most."""
+    """Limits of an archive."""
 
     archive: int = 1024 * MIB  # bytes of the file
     total: int = 1024 * MIB  # bytes unpacked
@@ -67,11 +67,11 @@ class Archive:
         for info in _checked(path, file.infolist(), size, limits):
             first = self._entries.setdefault(info.filename, info)
             if first is not info and not info.is_dir() and self._digest(first) != self._digest(info):
-                raise InputError(f"{path}: entry {info.filename!r} is there twice, with different content")
+                raise InputError(f"{path}: entry {info.filename!r} occurs twice, with different content")
 
     @property
     def names(self) -> list[str]:
-        """The names of the files, folders left out."""
+        """The names of the files, without folders."""
         return [name for name, info in self._entries.items() if not info.is_dir()]
 
     def read(self, name: str, limit: int) -> bytes:
@@ -80,19 +80,19 @@ class Archive:
         Raises
         ------
         InputError
-            If it is not there, is larger or is broken.
+            If the file does not exist, is larger or is broken.
         """
         out = io.BytesIO()
         self._copy(self._entry(name), out.write, limit)
         return out.getvalue()
 
     def unpack(self, folder: Path, wanted: Callable[[str], bool]) -> None:
-        """Write the files whose name is `wanted` below a folder of the caller's own.
+        """Write the files selected by `wanted` to a folder.
 
         Raises
         ------
         InputError
-            If more bytes come out than the limits allow, or an entry is broken.
+            If unpacked bytes exceed the limits, or an entry is broken.
         """
         for name in filter(wanted, self.names):
             target = folder / name  # _checked made sure that this stays below the folder
@@ -103,7 +103,7 @@ class Archive:
     def _entry(self, name: str) -> zipfile.ZipInfo:
         info = self._entries.get(name)
         if info is None:
-            raise InputError(f"{self.path}: no FMU, it holds no {name}")
+            raise InputError(f"{self.path}: expected an FMU, found an archive without {name}")
         return info
 
     def _digest(self, info: zipfile.ZipInfo) -> bytes:
@@ -119,7 +119,9 @@ class Archive:
                     written += len(data)
                     self._left -= len(data)
                     if written > limit or self._left < 0:
-                        raise InputError(f"{self.path}: entry {name!r} unpacks to more than an FMU may hold")
+                        raise InputError(
+                            f"{self.path}: entry {name!r} unpacks to more than the limit of an FMU"
+                        )
                     write(data)
         except InputError:
             raise
@@ -127,7 +129,7 @@ class Archive:
             raise InputError(f"{self.path}: entry {name!r} is broken: {_line(error)}") from None
         if written != info.file_size:
             raise InputError(
-                f"{self.path}: entry {name!r} is broken: {info.file_size} bytes announced, {written} found"
+                f"{self.path}: entry {name!r} is broken: {info.file_size} bytes declared, {written} found"
             )
 
 
@@ -143,30 +145,30 @@ def open_archive(path: str | Path, limits: Limits = LIMITS) -> Iterator[Archive]
     Raises
     ------
     InputError
-        If it is no ZIP archive, or one that could write elsewhere than in its folder, hide one file behind
-        another, fill the disk, or needs a password. The line names the entry.
+        If the file is not a ZIP archive, or one that could write outside its folder, hide a file, fill the
+        disk, or needs a password. The message names the entry.
     """
     path = Path(path)
     try:
         if not stat.S_ISREG(os.stat(path).st_mode):  # to open a pipe would wait for its other end
-            raise InputError(f"{path} is no file")
+            raise InputError(f"{path} is not a file")
         raw = _Bounded(path)
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror}") from None
     with raw:
         size = os.fstat(raw.fileno()).st_size
         if size > limits.archive:
-            raise InputError(f"{path} has {size} bytes; an FMU may have {limits.archive}")
+            raise InputError(f"{path} has {size} bytes, more than the limit of {limits.archive}")
         try:
             file = zipfile.ZipFile(raw)
         except (zipfile.BadZipFile, NotImplementedError, struct.error, ValueError, OSError) as error:
-            raise InputError(f"{path} is no FMU: {_line(error)}") from None
+            raise InputError(f"{path} is not an FMU: {_line(error)}") from None
         with file:
             yield Archive(path, file, size, limits)
 
 
 class _Bounded(io.FileIO):
-    """A file that is never read in one piece larger than the bound."""
+    """A file that is read in pieces of bounded size."""
 
     def read(self, size: int | None = -1, /) -> bytes:
         left = os.fstat(self.fileno()).st_size - self.tell()
@@ -179,15 +181,15 @@ class _Bounded(io.FileIO):
 def _checked(
     path: Path, infos: list[zipfile.ZipInfo], size: int, limits: Limits
 ) -> Iterator[zipfile.ZipInfo]:
-    """Yield the entries; raise at the first that an FMU may not have.
+    """Yield the entries; raise at the first forbidden one.
 
-    Some writers put a file in twice: one of the same name, size and checksum as the first passes.
+    Some writers add a file twice: a repetition with the same name, size and checksum is accepted.
     """
     if len(infos) > limits.entries:
         raise InputError(f"{path} holds {len(infos)} entries; an FMU may hold {limits.entries}")
     total = sum(info.file_size for info in infos)
     if total > limits.total:
-        raise InputError(f"{path} would unpack to {total} bytes; an FMU may have {limits.total}")
+        raise InputError(f"{path} would unpack to {total} bytes, more than the limit of {limits.total}")
     if total > limits.ratio * size + MIB:
         raise InputError(f"{path} would unpack to {total} bytes, more than {limits.ratio} times its size")
     files: dict[str, str] = {}
@@ -208,7 +210,7 @@ def _checked(
                 other = folders[key]
             if other is not None:
                 raise InputError(
-                    f"{path}: entry {info.filename!r} would fall on {other!r} (case and form set aside)"
+                    f"{path}: entry {info.filename!r} has the same path as {other!r} on some systems"
                 )
             if is_file:
                 files[key], alike[name] = name, (info.file_size, info.CRC)
@@ -217,13 +219,13 @@ def _checked(
         {(i.header_offset, i.filename): i for i in infos}.values(), key=lambda i: i.header_offset
     ):
         if info.header_offset < ends:
-            raise InputError(f"{path}: entry {info.filename!r} shares its bytes with another")
+            raise InputError(f"{path}: entry {info.filename!r} overlaps another entry")
         ends = info.header_offset + 30 + info.compress_size
     yield from infos
 
 
 def _fault(info: zipfile.ZipInfo, limits: Limits) -> str | None:
-    """Return what is wrong with one entry by itself."""
+    """Return the fault of a single entry, if any."""
     name = info.orig_filename
     parts = info.filename.rstrip("/").split("/")
     kind = stat.S_IFMT(info.external_attr >> 16)
@@ -232,7 +234,7 @@ def _fault(info: zipfile.ZipInfo, limits: Limits) -> str | None:
     if name.startswith("/") or re.match(r"[A-Za-z]:", name):
         return "has an absolute name"
     if ".." in parts:
-        return "leads out of its folder"
+        return "has a path outside the FMU"
     if ":" in name or any(ord(c) < 32 or ord(c) == 127 for c in name) or {"", "."} & set(parts):
         return "has a name that is none on every system"
     if any(_DEVICES.fullmatch(p) or len(p.encode("utf-8", "replace")) > 255 for p in parts):
@@ -240,35 +242,35 @@ def _fault(info: zipfile.ZipInfo, limits: Limits) -> str | None:
     if len(name) > limits.path or len(parts) > limits.depth:
         return f"has a longer name than {limits.path} characters or lies deeper than {limits.depth} folders"
     if kind not in (0, stat.S_IFREG, stat.S_IFDIR):
-        return "is a link" if kind == stat.S_IFLNK else "is no plain file"
+        return "is a link" if kind == stat.S_IFLNK else "is not a regular file"
     if info.flag_bits & 0x2041:
         return "is encrypted"
     if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-        return "is packed by another method than deflate"
+        return "is compressed by another method than deflate"
     if info.file_size > limits.ratio * info.compress_size + MIB:
         return f"would unpack to more than {limits.ratio} times its packed size"
     return None
 
 
 def _folded(name: str) -> str:
-    """Return what two names have in common that some file system takes for the same."""
+    """Return a normal form of names that some file systems do not distinguish."""
     parts = (part.rstrip(". ") for part in unicodedata.normalize("NFC", name).casefold().split("/"))
     return "/".join(parts)
 
 
 def check_xml(data: bytes, where: str, limits: Limits = LIMITS) -> Header:
-    """Look through a model description with a parser that expands nothing; return its first element.
+    """Check a model description with a parser that expands no entities; return its first element.
 
     Parameters
     ----------
     where : str
-        Begins the error line: the file.
+        Prefix of messages: the file.
 
     Raises
     ------
     InputError
-        If it is no well-formed XML, declares a document type or entities, is in an encoding that FMI does not
-        use, or is nested or long beyond the limits.
+        If it is not well-formed XML, declares a document type or entities, has an encoding that FMI does not
+        allow, or exceeds the limits of nesting or length.
     """
     if b"\0" in data or data[:2] in (b"\xfe\xff", b"\xff\xfe"):
         raise InputError(f"{where}: expected XML in UTF-8")
@@ -280,17 +282,13 @@ def check_xml(data: bytes, where: str, limits: Limits = LIMITS) -> Header:
             raise InputError(f"{where}: expected XML in UTF-8, found the encoding {encoding!r}")
 
     def refuse(*_: object) -> None:
-        raise InputError(
-            f"{where}: a document type or entities are declared; FMI has neither, they are refused"
-        )
+        raise InputError(f"{where}: expected no document type and no entities")
 
     def start(tag: str, attributes: dict[str, str]) -> None:
         nonlocal depth, count
         depth, count = depth + 1, count + 1
         if depth > limits.nesting or count > limits.elements:
-            raise InputError(
-                f"{where}: more than {limits.nesting} levels or {limits.elements} elements are refused"
-            )
+            raise InputError(f"{where}: more than {limits.nesting} levels or {limits.elements} elements")
         if not first:
             first.append(Header(tag, attributes))
 
@@ -305,7 +303,7 @@ def check_xml(data: bytes, where: str, limits: Limits = LIMITS) -> Header:
     try:
         parser.Parse(data, True)
     except expat.ExpatError as error:
-        raise InputError(f"{where} is no XML: {error}") from None
+        raise InputError(f"{where} is not XML: {error}") from None
     return first[0]
 
 

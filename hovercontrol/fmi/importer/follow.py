@@ -1,13 +1,11 @@
 """A stateful FMU behind pure functions of a state, which may be called in any order.
 
 python-control's systems are functions ``f(t, x, u)`` and ``h(t, x, u)``; an FMU keeps its state to itself.
-Here a state ``x`` is one number that names a point of the FMU's history: 0 is the start of a run, and ``f``
-names the point that one step with these inputs leads to. No step is done before something is asked of its
-end: python-control calls ``f`` at the last instant of a response too, and that step may be one too many.
-
-Whoever goes back to an earlier point gets it: by the FMU's own saved state where it can save one, else by a
-new run with the same inputs. A number that names no point is refused. Where the FMU ends a run, the points
-after its end keep its last outputs.
+Here a state ``x`` is the number of a point in the FMU's history: 0 is the start of a run, and ``f`` returns
+the number of the point after one step with these inputs. A step is computed only when outputs at its end are
+requested, because python-control also calls ``f`` at the last instant of a response. An earlier point is
+restored from the FMU's saved state if it can save one, else by a new run with the same inputs. An unknown
+number is an error. After the FMU ends a run, all further points keep its last outputs.
 """
 
 from __future__ import annotations
@@ -65,7 +63,7 @@ class Point:
 
 
 class Follower:
-    """An engine that follows the points it is asked about.
+    """An engine that moves to requested points of the history.
 
     Parameters
     ----------
@@ -76,7 +74,7 @@ class Follower:
     feedthrough : ndarray of bool
         Which outputs depend on the inputs at the same instant.
     label : str
-        Begins every error line.
+        Prefix of messages.
     """
 
     def __init__(
@@ -126,7 +124,7 @@ class Follower:
         self._engine.close()
 
     def _find(self, token: float, time: float, parameters: Parameters, inputs: Array) -> Point:
-        """Return the point a number names; raise where it names none, or one of another time or run."""
+        """Return the point with a number; raise if there is none, or it belongs to another time or run."""
         if self._closed:
             raise InputError(f"{self._label} is closed")
         if token == 0:
@@ -160,7 +158,7 @@ class Follower:
         return next(n for n in (count + k * _BRANCH for k in range(HELD + 1)) if n not in taken)
 
     def _hold(self, point: Point) -> Point:
-        """Return the point of that history that is held, else hold this one; the oldest of its kind goes."""
+        """Return the stored point with this history, else store this one; the oldest of its kind goes."""
         if (known := self._held.get(point.history)) is not None:
             self._held.move_to_end(known.history)
             return known
@@ -176,7 +174,7 @@ class Follower:
         return point
 
     def _reach(self, point: Point) -> None:
-        """Bring the FMU to a point: from where it is, from a saved state, or from the start."""
+        """Move the FMU to a point: from the present point, from a saved state, or from the start."""
         ahead: list[Point] = []
         base = point
         while (
@@ -219,13 +217,13 @@ class Follower:
             base = following
 
     def _note(self, end: RunEnded | None) -> None:
-        """Say once in a run that the FMU ended it."""
+        """Warn once in a run that the FMU ended it."""
         before, self.ended = self.ended, None if end is None else end.time
         if end is not None and before is None:
             warnings.warn(f"{self._label} {end}; its outputs stay as they were then", stacklevel=2)
 
     def _save(self) -> None:
-        """Save the state the FMU is about to leave, where somebody may come back for it."""
+        """Save the present state if a return to it is possible."""
         point = self._position
         if not self._can_return or point is None or point.handle is not None:
             return
@@ -240,7 +238,7 @@ class Follower:
 
     @contextlib.contextmanager
     def _fmu(self, when: str, moves: bool = True) -> Iterator[None]:
-        """Say in one line where the FMU failed; after any failure it is nowhere, and a new run is needed."""
+        """Raise a one-line error with the time of the FMU's failure; after a failure a new run is needed."""
         if moves:
             self._position = None
         try:

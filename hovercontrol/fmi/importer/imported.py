@@ -1,4 +1,4 @@
-"""Any FMU for Co-Simulation as a python-control system, with its names, units and parameters.
+"""FMUs for Co-Simulation as python-control systems, with their names, units and parameters.
 
 A module called ``load`` would hide the function ``hovercontrol.fmi.load``; hence this name.
 """
@@ -55,9 +55,9 @@ def load(
     """Return an FMU for Co-Simulation (FMI 2.0 or 3.0) as a discrete-time python-control system.
 
     **An FMU is a program.** Its binary runs with the rights of the user who loads it: it can read, write and
-    send what that user can. Load FMUs only from people whose programs you would run. The archive around it is
-    checked (no file leaves the FMU's temporary folder, no bombs, no entities), and `isolated` guards against
-    faults; neither is a sandbox against malice.
+    send what that user can. Load FMUs only from people whose programs you would run. The archive is checked
+    (all files stay in the FMU's temporary folder, sizes are limited, no XML entities), and `isolated`
+    protects against faults. Neither is a sandbox against malice.
 
     Parameters
     ----------
@@ -65,14 +65,13 @@ def load(
         The ``.fmu`` file.
     step : float, optional
         Communication step and ``dt`` [s] (default: the FMU's DefaultExperiment, else its
-        fixedInternalStepSize; where it states neither, a thousandth of the experiment's duration or
-        10 ms, with a warning).
+        fixedInternalStepSize, else a thousandth of the experiment's duration or 10 ms, with a warning).
     name : str, optional
         System name, without dots (default: the FMU's model identifier).
     params : mapping of str to float, optional
         Parameter values instead of the FMU's start values, by key (``plant.mass``) or by the FMU's own name.
     isolated : bool, optional
-        Run the FMU in a process of its own: its crash, exit or hang becomes an error here.
+        Run the FMU in a separate process, so that its crash, exit or hang is an error here.
     timeout : float, optional
         Longest wait for one call into an isolated FMU [s]; then its process is ended.
 
@@ -83,15 +82,15 @@ def load(
     Raises
     ------
     InputError
-        If the archive is none or unsafe, the FMU is not for Co-Simulation of FMI 2.0 or 3.0 or has no binary
-        for this platform, its description breaks the standard, its binary cannot be loaded, or `step`, `name`
-        or `params` do not fit it.
+        If the file is not an archive or unsafe, the FMU is not for Co-Simulation of FMI 2.0 or 3.0 or has no
+        binary for this platform, its description breaks the standard, its binary cannot be loaded, or `step`,
+        `name` or `params` do not fit it.
 
     Warns
     -----
     UserWarning
-        If inputs or outputs are left out because they are no numbers (String, Binary, Clock) or clocked, or
-        the FMU states no step.
+        If inputs or outputs are left out because they are not numbers (String, Binary, Clock) or clocked, or
+        the FMU has no step size.
 
     Examples
     --------
@@ -104,7 +103,7 @@ def load(
         interface = source.interface
         if interface.left_out:
             text = ", ".join(interface.left_out)
-            warnings.warn(f"{path}: left out, being no plain numbers: {text}", stacklevel=2)
+            warnings.warn(f"{path}: left out, not real numbers: {text}", stacklevel=2)
         dt = checked_step(path, interface, step)
         if not isinstance(timeout, (int, float)) or not 0 < timeout < math.inf:
             raise InputError(f"{path}: timeout [s] must be a positive number, found {timeout!r}")
@@ -119,41 +118,42 @@ def load(
 class FmuSystem(control.NonlinearIOSystem):
     """An FMU as a python-control system with ``dt`` = its communication step; made by :func:`load`.
 
-    Inputs and outputs are the FMU's, by their names and in their order; arrays are spread, ``name[1]``,
+    Inputs and outputs are the FMU's, by their names and in their order; arrays are expanded into elements,
+    ``name[1]``,
     ``name[2]``, ``name[1,2]``, counted from 1 as in FMI, the last index fastest. Integers, enumerations and
-    booleans (0, 1) are numbers too; another number for them is refused. python-control gives 0 to inputs that
-    nobody connects: an enumeration without an item 0 has its start value then. python-control reads a dot as
-    "system.signal", so that a signal ``body.u`` is connected as ``("plant", "body.u")``, or renamed first by
-    python-control's own ``update_names``.
+    booleans (0, 1) are numbers too; other values are an error. python-control sets unconnected inputs to 0:
+    an enumeration without an item 0 then has its start value. python-control reads a dot as "system.signal",
+    so that a signal ``body.u`` is connected as ``("plant", "body.u")``, or renamed first by python-control's
+    own ``update_names``.
 
-    The one state, ``step``, counts the steps of a run: it names a point of the FMU's history and is 0 where
-    a run starts. There the FMU is instantiated anew, gets its parameters and the first inputs, and is
-    initialised. Its own state stays in the FMU. Whoever asks for a point again, with the same or with other
-    inputs, gets the right answer: from a state that the FMU saved, where it can, else from a repeated run.
-    A run is continued with ``x0 = response.states[:, -1]``; a state that the FMU was never in is refused, and
-    so is linearisation.
+    The only state, ``step``, counts the steps of a run: it identifies a point of the FMU's history and is 0
+    at the start of a run. At 0 the FMU is instantiated, gets its parameters and the first inputs, and is
+    initialised. Its internal state stays in the FMU. A point can be evaluated again, with the same or other
+    inputs: from a state saved by the FMU, if it can save states, else from a repeated run. ``x0 =
+    response.states[:, -1]`` continues a run. A state that the FMU was never in is an error, and so is
+    linearisation.
 
     Inputs are held over a step; outputs are those of the communication point. An output that does not depend
     on inputs at the same instant (by the FMU's ModelStructure, see ``feedthrough``) is read before inputs are
-    set. For the others the new inputs are set and the outputs read without a step between. FMI lets an FMU
-    answer then with the values of its last step: a delay by one step, which no importer can see.
+    set. For the others the new inputs are set and the outputs read without a step in between. FMI allows an
+    FMU to return the values of its last step then: a delay of one step that importers cannot detect.
 
-    An FMU may end a run (terminateSimulation). The response is returned with what there is: a warning tells
-    the time, which `ended` keeps, and the outputs stay as they were then.
+    An FMU may end a run (terminateSimulation). The response is then returned with constant outputs after the
+    end; a warning and `ended` give its time.
 
     Parameter keys carry the system's name (``plant.mass``), as those of a Block do, since
-    ``control.interconnect`` shares equal keys among all systems. They are set where a run starts.
+    ``control.interconnect`` shares equal keys among all systems. They are set at the start of a run.
 
     A copy (``copy.deepcopy``, or python-control's where a system is listed twice) and an unpickled system
-    have an instance of their own and begin at 0; unpickling reads the same file again. ``close()``, the end
+    have their own instance and begin at 0; unpickling reads the same file again. ``close()``, the end
     of a ``with`` block, garbage collection and the interpreter's exit free instance and temporary folder.
 
     Attributes
     ----------
     units, descriptions : dict of str to str
-        By the FMU's signal name, and by key for parameters; empty where the FMU states none.
+        By the FMU's signal name, and by key for parameters; empty if the FMU has none.
     feedthrough : dict of str to tuple of str
-        For each output the inputs it is declared to depend on at the same instant.
+        For each output, the inputs on which it depends at the same instant, as declared.
     params : dict of str to float
         The parameters with their values.
     path : Path
@@ -227,22 +227,22 @@ class FmuSystem(control.NonlinearIOSystem):
         inputs: Inputs | None = None,
         time: float = 0.0,
     ) -> FmuRunner:
-        """Start a run of the FMU that goes step by step, in an instance of its own.
+        """Start a run of the FMU step by step, in a separate instance.
 
         The runner is used as that of a Block (:class:`hovercontrol.simulation.runner.Runner`); it can be
-        saved where the FMU can save its state. Its steps are as long as the caller says; an FMU with a step
-        of its own takes multiples of that.
+        saved if the FMU can save its state. The caller chooses the length of steps; it must be a multiple of
+        a fixed step of the FMU.
 
         Parameters
         ----------
         x0 : None
-            An FMU's initial state is its own: start values that can be set are parameters.
+            An FMU's initial state is not accessible; settable start values are parameters.
         params : mapping, optional
-            Parameter values by key, over the system's.
+            Parameter values by key, in place of the system's.
         inputs : sequence of float, or mapping by name, optional
-            At the start, over the FMU's start values; it is initialised with them.
+            Inputs at the start, in place of the FMU's start values; used for initialisation.
         time : float, optional
-            To start at [s].
+            Start time [s].
 
         Raises
         ------
@@ -255,8 +255,8 @@ class FmuSystem(control.NonlinearIOSystem):
             raise InputError(f"FMU {self.name!r} is closed")
         if x0 is not None:
             raise InputError(
-                f"FMU {self.name!r}: an FMU keeps its state to itself, x0 must be None; start values that "
-                "can be set are among its params"
+                f"FMU {self.name!r}: expected x0 = None, because its state is not accessible; start "
+                "values that can be set are among its params"
             )
         values = {**self._checked(self.params, pushed=False), **self._checked(params or {}, pushed=False)}
         return FmuRunner(self, self._engine(), values, inputs, time)
@@ -268,7 +268,7 @@ class FmuSystem(control.NonlinearIOSystem):
 
     @property
     def interface(self) -> Interface:
-        """What the FMU says of itself."""
+        """The FMU's interface, from its model description."""
         return self._source.interface
 
     @property
@@ -318,16 +318,16 @@ class FmuSystem(control.NonlinearIOSystem):
         return fmu_html(self)
 
     def linearize(self, *args: Any, **kwargs: Any) -> NoReturn:
-        """Refuse: an FMU's state is its own, and nobody outside can vary it.
+        """Raise: an FMU's state is not accessible, so it cannot be linearised.
 
         Raises
         ------
         InputError
-            Always. The Block an FMU was exported from has exact Jacobians.
+            Always. The Block from which an FMU was exported has exact Jacobians.
         """
         raise InputError(
-            f"FMU {self.name!r}: an FMU keeps its state to itself and cannot be linearised from outside; "
-            "linearise the Block or model it was made from"
+            f"FMU {self.name!r}: its state is not accessible, so it cannot be linearised; "
+            "linearise the Block or model from which it was made"
         )
 
     def _update_params(self, params: Mapping[str, float] | None) -> None:
@@ -339,14 +339,14 @@ class FmuSystem(control.NonlinearIOSystem):
         return own_parameters(params, self._keys, self._prefix, self.interface, pushed)
 
     def values_in_order(self, values: Mapping[str, float]) -> Parameters:
-        """Return the values in the FMU's order, None where the FMU has that value anyway."""
+        """Return the values in the FMU's order, None for values that the FMU already has."""
         return tuple(
             None if values.get(key, start) == start else float(values[key])
             for key, (_, start) in self._keys.items()
         )
 
     def checked_inputs(self, t: float, u: Any) -> Array:
-        """Return inputs at a time as the FMU takes them; raise :class:`InputError` where it cannot."""
+        """Return the inputs at a time, converted for the FMU; raise :class:`InputError` if impossible."""
         return self._input_check.checked(f"FMU {self.name!r}", t, u)
 
     def _connected(self, t: float, u: Any) -> Array:
@@ -385,7 +385,7 @@ def _again(path: Path, digest: str, arguments: dict[str, Any], names: Any) -> Fm
     except OSError as error:
         raise InputError(f"{path} of a pickled FMU cannot be read: {error.strerror}") from None
     if found != digest:
-        raise InputError(f"{path} is not the FMU it was when the system was pickled")
+        raise InputError(f"{path} has changed since the system was pickled")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # said when it was loaded first
         return FmuSystem._named_as(load(path, **arguments), names)

@@ -1,7 +1,7 @@
-"""One running instance of an FMU for Co-Simulation, bound by FMPy: FMI 2 and 3 behind the same few calls.
+"""A running instance of an FMU for Co-Simulation, through FMPy: one interface for FMI 2 and 3.
 
-Values go in and come out as flat lists of floats, in the order of the interface's labels. What the FMU
-refuses is a :class:`FmuError` with the FMU's own words. Native code runs here, with this process's rights.
+Values are flat lists of floats, in the order of the interface's labels. If the FMU rejects a call, a
+:class:`FmuError` has its message. Native code runs here, with this process's rights.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class FmuError(Exception):
 
 
 class RunEnded(FmuError):  # noqa: N818 - an end is no error
-    """The FMU wants no further step: the run ends at `time` [s] with these outputs (None: not to be had)."""
+    """The FMU ended the run at `time` [s] with these outputs (None: not available)."""
 
     def __init__(self, text: str, time: float, values: list[float] | None) -> None:
         super().__init__(text)
@@ -41,28 +41,28 @@ class RunEnded(FmuError):  # noqa: N818 - an end is no error
 
 
 class Engine(Protocol):
-    """What a system needs of a running FMU, in this process or in another."""
+    """Interface of a running FMU, in this process or in another."""
 
     def start(self, time: float, parameters: Sequence[float | None], inputs: Sequence[float]) -> list[float]:
-        """Begin a run: a fresh instance with these parameters (None: as the FMU has it), initialised."""
+        """Begin a run: a new instance with these parameters (None: the FMU's value), initialised."""
 
     def outputs(self, inputs: Sequence[float]) -> list[float]:
         """Set the inputs and read the outputs; no time passes."""
 
     def step(self, time: float, step: float, inputs: Sequence[float]) -> list[float]:
-        """Let time pass with these inputs and return the outputs then; raise RunEnded if it is the last."""
+        """Advance in time with these inputs and return the outputs; raise RunEnded if it is the last step."""
 
     def save(self) -> int:
-        """Keep the present state and return its handle."""
+        """Save the present state and return its handle."""
 
     def restore(self, handle: int) -> None:
-        """Return to a state that was kept."""
+        """Restore a saved state."""
 
     def drop(self, handle: int) -> None:
-        """Keep a state no longer."""
+        """Discard a saved state."""
 
     def close(self) -> None:
-        """Free the instance and what belongs to it."""
+        """Free the instance and its resources."""
 
 
 class Values:
@@ -79,7 +79,7 @@ class Values:
             self._groups.append((kind, references, [n for i in members for n in places[i]]))
 
     def set(self, fmu: Any, values: Sequence[float]) -> None:
-        """Hand values to the FMU; those of whole types have been checked to be whole."""
+        """Set values in the FMU; values of integer types have been checked."""
         for kind, references, places in self._groups:
             chosen: list[Any] = [values[n] for n in places]
             if kind not in REALS:
@@ -87,7 +87,7 @@ class Values:
             getattr(fmu, f"set{kind}")(references, chosen)
 
     def get(self, fmu: Any, fmi: int) -> list[float]:
-        """Return the values the FMU has now."""
+        """Return the present values in the FMU."""
         values = [0.0] * self.size
         for kind, references, places in self._groups:
             get = getattr(fmu, f"get{kind}")
@@ -103,14 +103,14 @@ class Instance:
     Parameters
     ----------
     folder : Path
-        Where the FMU is unpacked.
+        Folder of the unpacked FMU.
     name : str
         The instance's name, for its messages.
 
     Raises
     ------
     FmuError
-        If the binary cannot be loaded or misses functions, or is in use and allows one instance only.
+        If the binary cannot be loaded or lacks functions, or is in use and allows one instance only.
     """
 
     def __init__(self, folder: Path, interface: Interface, name: str) -> None:
@@ -124,7 +124,7 @@ class Instance:
         if interface.once_per_process:
             if interface.token in _ONLY:
                 raise FmuError(
-                    "it allows one instance in a process and has one; isolated=True gives it its own"
+                    "it allows one instance in a process, which exists; isolated=True uses a separate process"
                 )
             _ONLY.add(interface.token)
             self._holds_token = True
@@ -168,7 +168,7 @@ class Instance:
             return self._read()
 
     def step(self, time: float, step: float, inputs: Sequence[float]) -> list[float]:
-        """Let time pass, see :class:`Engine`."""
+        """Advance in time, see :class:`Engine`."""
         with self._faults():
             self._inputs.set(self._fmu, inputs)
             final = not self._interface.has_states  # then nobody goes back
@@ -237,9 +237,9 @@ class Instance:
         self._release_token()
 
     def _fresh(self) -> None:
-        """Have an instance that has not been initialised.
+        """Provide an instance that has not been initialised.
 
-        A new one is surer than a reset, which many FMUs do by halves; but some may be made only once.
+        A new instance is safer than a reset, which many FMUs do incompletely; but some allow only one.
         """
         if self._running and self._interface.once_per_process:
             self._drop_all(self._fmu)
@@ -290,10 +290,10 @@ class Instance:
 
     @contextlib.contextmanager
     def _faults(self) -> Iterator[None]:
-        """Turn what FMPy raises into a FmuError with the FMU's own words."""
+        """Convert exceptions of FMPy to a FmuError with the FMU's message."""
         self._log.clear()
         if self._fmu is None or self._fatal:
-            raise FmuError("it reported a fatal error before and cannot be used any more")
+            raise FmuError("it cannot be used after its fatal error")
         try:
             yield
         except FmuError:
@@ -307,11 +307,11 @@ class Instance:
         except Exception as error:
             raise FmuError(f"{' '.join(str(error).split())}{self._words()}") from None
 
-    def _words(self, silent: str = "; it says nothing") -> str:
-        """Return what the FMU said last, its errors first."""
+    def _words(self, silent: str = "; it gives no message") -> str:
+        """Return the FMU's last message, errors first."""
         grave = [text for status, text in self._log if status >= 2]
         words = grave or [text for _, text in self._log]
-        return f"; it says: {words[-1]}" if words else silent
+        return f"; its message: {words[-1]}" if words else silent
 
     def _release_token(self) -> None:
         if self._holds_token:

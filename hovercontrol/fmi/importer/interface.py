@@ -1,8 +1,7 @@
-"""What an FMU says of itself that a simulation needs: signals, parameters, step, abilities.
+"""An FMU's interface for simulation: signals, parameters, step size, capabilities.
 
 FMPy parses ``modelDescription.xml`` after :mod:`hovercontrol.fmi.importer.archive` has looked through it;
-here the part for Co-Simulation is taken out, arrays are spread into their elements, and what cannot be used
-is said.
+this module selects the part for Co-Simulation, expands arrays into elements, and reports what cannot be used.
 """
 
 from __future__ import annotations
@@ -45,7 +44,7 @@ class Variable:
     kind : str
         The type whose functions get and set it: ``Real``, ``Integer``, ``Boolean`` (FMI 2), ``Float64``, ...
     items : tuple of (int, str)
-        Of an enumeration, values and names; empty for all else.
+        Values and names of an enumeration; else empty.
     """
 
     name: str
@@ -58,12 +57,12 @@ class Variable:
     items: tuple[tuple[int, str], ...] = ()
 
     def number(self, value: Any, where: str) -> float:
-        """Return a value as the number this variable can take.
+        """Return a value as a number of this variable's type.
 
         Raises
         ------
         InputError
-            If it cannot; the line begins with `where`.
+            If that is not possible; the message begins with `where`.
         """
         try:
             number = float(value)
@@ -108,25 +107,25 @@ class Interface:
 
 
 def read_interface(path: Path, header: Header, where: str) -> Interface:
-    """Return the interface that a model description states.
+    """Return the interface in a model description.
 
     Parameters
     ----------
     path : Path
-        ``modelDescription.xml``, already looked through.
+        ``modelDescription.xml``, already checked.
     header : Header
         Its first element.
     where : str
-        Begins the error lines: the FMU's file.
+        Prefix of messages: the FMU's file.
 
     Raises
     ------
     InputError
-        If it is none of FMI 2 or 3, has no Co-Simulation, breaks the standard, or is too large.
+        If it is not of FMI 2 or 3, has no Co-Simulation, violates the standard, or is too large.
     """
     version = header.attributes.get("fmiVersion", "")
     if header.tag != "fmiModelDescription" or not version:
-        raise InputError(f"{where}: modelDescription.xml is no FMI model description")
+        raise InputError(f"{where}: modelDescription.xml is not an FMI model description")
     if version != "2.0" and not version.startswith("3."):
         raise InputError(f"{where} is an FMU of FMI {version}; expected FMI 2.0 or 3.0")
     try:
@@ -134,7 +133,7 @@ def read_interface(path: Path, header: Header, where: str) -> Interface:
         described = read_model_description(str(path), validate=True)
     except ValidationError as error:
         raise InputError(
-            f"{where}: modelDescription.xml breaks FMI {version}: {_first(error.problems)}"
+            f"{where}: modelDescription.xml violates FMI {version}: {_first(error.problems)}"
         ) from None
     except Exception as error:  # FMPy raises what its parser and its own look-ups raise
         raise InputError(f"{where}: modelDescription.xml cannot be read: {_first([str(error)])}") from None
@@ -147,7 +146,7 @@ def _interface(described: Any, fmi: int, where: str) -> Interface:
         other = "Model Exchange" if described.modelExchange else "Scheduled Execution"
         raise InputError(f"{where} is an FMU for {other} only; expected one for Co-Simulation")
     if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", part.modelIdentifier or ""):
-        raise InputError(f"{where}: the model identifier {part.modelIdentifier!r} is no identifier of C")
+        raise InputError(f"{where}: the model identifier {part.modelIdentifier!r} is not an identifier of C")
     experiment = described.defaultExperiment
     internal = _positive(part.fixedInternalStepSize)
     tolerance = _positive(experiment.tolerance) if experiment else None
@@ -197,7 +196,7 @@ def _interface(described: Any, fmi: int, where: str) -> Interface:
 
 def _unusable(variable: Any) -> str | None:
     if variable.type not in (*REALS, *WHOLE, "Enumeration"):
-        return f"of type {variable.type}, no number"
+        return f"of type {variable.type}, not a number"
     if variable.clocks:
         return "clocked"
     return None
@@ -237,14 +236,14 @@ def _distinct(variables: Iterable[Variable], where: str) -> None:
     seen: set[str] = set()
     for label in itertools.chain.from_iterable(v.labels for v in variables):
         if label in seen:
-            raise InputError(f"{where}: two signals are called {label!r}")
+            raise InputError(f"{where}: two signals have the name {label!r}")
         seen.add(label)
 
 
 def _feedthrough(
     described: Any, inputs: Sequence[Variable], outputs: Sequence[Variable]
 ) -> dict[str, tuple[str, ...]]:
-    """Return for each output the inputs it is declared to depend on; all where nothing is declared."""
+    """Return for each output its declared dependencies on inputs; all inputs if nothing is declared."""
     everything = tuple(v.name for v in inputs)
     stated = {
         unknown.variable.name: tuple(v.name for v in unknown.dependencies if v.name in everything)
@@ -255,14 +254,14 @@ def _feedthrough(
 
 
 def _duration(experiment: Any) -> float | None:
-    """Return how long the default experiment lasts, where it says."""
+    """Return the duration of the default experiment, if given."""
     if not experiment or experiment.stopTime is None:
         return None
     return _positive(float(experiment.stopTime) - float(experiment.startTime or 0.0))
 
 
 def _positive(text: str | float | None) -> float | None:
-    """Return a number of the description if it is one and positive."""
+    """Return a number of the description if it is positive, else None."""
     value = float(text) if text is not None else 0.0
     return value if math.isfinite(value) and value > 0 else None
 

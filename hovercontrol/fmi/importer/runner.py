@@ -1,4 +1,4 @@
-"""An FMU step by step, used as a Block's runner is; made by :meth:`FmuSystem.start`."""
+"""An FMU step by step, with the interface of a Block's runner; made by :meth:`FmuSystem.start`."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class FmuRunner(Runner):
     Parameters
     ----------
     engine : Engine
-        An instance for this run alone.
+        An instance for this run only.
     params : mapping of str to float
         All parameters by key.
     inputs, time
@@ -39,8 +39,8 @@ class FmuRunner(Runner):
     Attributes
     ----------
     ended : float or None
-        When the FMU ended the run [s]. The step that meets the end returns the last outputs, with a warning,
-        and `time` stands there; a further step is refused.
+        Time at which the FMU ended the run [s]. The step with the end returns the last outputs, with a
+        warning, and `time` stays there; a further step is an error.
     """
 
     ended: float | None
@@ -73,12 +73,12 @@ class FmuRunner(Runner):
         self._advance = self._advance_fmu
 
     def step(self, inputs: Inputs | None, dt: float) -> Array:
-        """Hold inputs for a time and return the outputs at its end; see :meth:`Runner.step`.
+        """Advance with constant inputs and return the outputs at the end; see :meth:`Runner.step`.
 
         Raises
         ------
         InputError
-            If an input or `dt` is wrong, or the FMU refuses, or has ended the run before.
+            If an input or `dt` is wrong, the FMU rejects it, or the run has ended.
         """
         y = super().step(inputs, dt)
         if self.ended is not None:
@@ -87,10 +87,8 @@ class FmuRunner(Runner):
 
     @property
     def state(self) -> Array:
-        """Refused: an FMU keeps its state to itself; raises :class:`InputError`."""
-        raise InputError(
-            f"{self._label}: an FMU keeps its state to itself; save() and restore() hand it over"
-        )
+        """Not accessible; raises :class:`InputError`."""
+        raise InputError(f"{self._label}: an FMU's state is not accessible; use save() and restore()")
 
     @property
     def params(self) -> dict[str, float]:
@@ -98,7 +96,7 @@ class FmuRunner(Runner):
         return dict(self._params)
 
     def save(self) -> Snapshot:
-        """Return the state the FMU saves, which stays in this instance; lost with it.
+        """Return a handle of the saved state, which is kept in this instance.
 
         Raises
         ------
@@ -116,14 +114,14 @@ class FmuRunner(Runner):
         return snapshot
 
     def restore(self, snapshot: Snapshot) -> None:
-        """Go back to where a snapshot of this runner was taken; see :meth:`Runner.restore`."""
+        """Restore a snapshot of this runner; see :meth:`Runner.restore`."""
         self._check(snapshot, self._of())
         self._rest, self._sent, y, ended, handle = snapshot.data
         with self._fmu(f"going back to t = {snapshot.time:.9g} s"):
             try:
                 self._engine.restore(handle)
             except KeyError:  # a copy, by pickle, of a snapshot that is gone
-                raise InputError(f"{self._label}: the FMU keeps that snapshot no longer") from None
+                raise InputError(f"{self._label}: the FMU no longer has that snapshot") from None
         self.time, self._y, self.ended = snapshot.time, y.copy(), ended
 
     def close(self) -> None:
@@ -167,7 +165,7 @@ class FmuRunner(Runner):
 
     def _jump(self, params: Mapping[str, float], state: Mapping[str, float] | ArrayLike | None) -> None:
         if state is not None:
-            raise InputError(f"{self._label}: an FMU keeps its state to itself, nothing outside can set it")
+            raise InputError(f"{self._label}: an FMU's state is not accessible")
         if params:
             raise InputError(
                 f"{self._label}: an FMU's parameters are set where a run starts: start(params=...)"

@@ -1,4 +1,4 @@
-"""An FMU checked and unpacked into a temporary folder, before anything of it runs."""
+"""FMUs checked and unpacked into a temporary folder, before their code runs."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Source:
 
 
 def open_source(path: Path) -> Source:
-    """Check and unpack an FMU; nothing of it has run afterwards."""
+    """Check and unpack an FMU without running its code."""
     with open_archive(path) as archive:
         data = archive.read(_DESCRIPTION, LIMITS.description)
         header = check_xml(data, f"{path}: {_DESCRIPTION}")
@@ -65,13 +65,13 @@ def open_source(path: Path) -> Source:
 
 
 def _binaries(archive: Archive, interface: Interface) -> str:
-    """Return the folder of this platform's binary; raise if the FMU has none."""
+    """Return the folder of this platform's binary; raise if there is none."""
     platform = fmpy.platform if interface.fmi == 2 else fmpy.platform_tuple
     folder = f"binaries/{platform}/"
     if f"{folder}{interface.identifier}{fmpy.sharedLibraryExtension}" not in archive.names:
         parts = (name.split("/") for name in archive.names)
         others = sorted({p[1] for p in parts if p[0] == "binaries" and len(p) > 2})
-        has = f"those it has: {', '.join(others)}" if others else "it has none at all"
+        has = f"those it has: {', '.join(others)}" if others else "it has no binary"
         wanted = f"{folder}{interface.identifier}{fmpy.sharedLibraryExtension}"
         raise InputError(f"{archive.path} has no binary for this platform ({wanted}); {has}")
     return folder

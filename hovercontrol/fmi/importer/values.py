@@ -1,4 +1,4 @@
-"""What a user gives an FMU, checked: its step and name, and values as its types can take them."""
+"""Checks of a user's values for an FMU: step, name, parameters and inputs."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from hovercontrol.fmi.importer.interface import REALS, Interface, Variable
 
 
 def checked_step(path: Path, interface: Interface, step: float | None) -> float:
-    """Return the communication step [s], with a warning where nobody states one.
+    """Return the communication step [s], with a warning if neither user nor FMU gives one.
 
     Raises
     ------
     InputError
-        Where the FMU cannot take it.
+        If the step is not positive, or not a multiple of the FMU's fixed step.
     """
     if step is None:
         step = interface.step
@@ -29,7 +29,7 @@ def checked_step(path: Path, interface: Interface, step: float | None) -> float:
             step, why = 0.01, "10 ms"
             if interface.duration:
                 step, why = interface.duration / 1000, "a thousandth of its default experiment's duration"
-            warnings.warn(f"{path} states no step size: taking {step:g} s, {why}", stacklevel=3)
+            warnings.warn(f"{path} has no step size: using {step:g} s, {why}", stacklevel=3)
     if isinstance(step, bool) or not isinstance(step, (int, float)) or not 0 < step < math.inf:
         raise InputError(f"{path}: step [s] must be a positive number, found {step!r}")
     fixed = interface.fixed_step
@@ -39,16 +39,16 @@ def checked_step(path: Path, interface: Interface, step: float | None) -> float:
 
 
 def checked_name(interface: Interface, name: str | None) -> str:
-    """Return the system's name; raise :class:`InputError` where it is none."""
+    """Return the system's name; raise :class:`InputError` if it is not valid."""
     if name is None:
         return interface.identifier
     if not isinstance(name, str) or not name or "." in name:
-        raise InputError(f"a system's name is a word without dots, found {name!r}")
+        raise InputError(f"expected a system name without dots, found {name!r}")
     return name
 
 
 def parameter_key(name: str, label: str) -> str:
-    """Return the key of a parameter: its name in the FMU, after the system's unless it begins so."""
+    """Return the key of a parameter: its name in the FMU, prefixed by the system's name."""
     return label if label.startswith(f"{name}.") else f"{name}.{label}"
 
 
@@ -59,7 +59,7 @@ def own_parameters(
     interface: Interface,
     pushed: bool,
 ) -> dict[str, float]:
-    """Return a system's own parameters among those given, by key; refuse what can only be a mistake.
+    """Return the given parameters that belong to a system, by key; raise on unknown names.
 
     Parameters
     ----------
@@ -68,9 +68,9 @@ def own_parameters(
     keys : mapping of str to (Variable, float)
         The system's parameters: variable and value in the FMU, by key.
     prefix : str
-        Begins the system's keys.
+        Prefix of the system's keys.
     pushed : bool
-        They come from ``control.interconnect``, with those of other systems among them.
+        Whether they come from ``control.interconnect``, mixed with those of other systems.
     """
     own: dict[str, float] = {}
     for given, value in params.items():
@@ -79,7 +79,7 @@ def own_parameters(
             own[key] = keys[key][0].number(value, f"FMU {prefix!r}: parameter {key!r}")
         elif (size := interface.structural.get(given.removeprefix(f"{prefix}."))) is not None:
             raise InputError(
-                f"FMU {prefix!r}: {given!r} is a structural parameter, which sizes arrays; here it keeps its "
+                f"FMU {prefix!r}: {given!r} is a structural parameter (size of arrays); here it keeps its "
                 f"start value {size}"
             )
         elif not pushed or given.split(".")[0] == prefix:
@@ -89,7 +89,7 @@ def own_parameters(
 
 
 class InputCheck:
-    """The inputs that an FMU takes: finite, and of whole numbers where their types have no others."""
+    """Check of an FMU's inputs: finite, and integers for integer types."""
 
     def __init__(self, inputs: Sequence[Variable]) -> None:
         labels = [(label, v) for v in inputs for label in v.labels]
@@ -99,7 +99,7 @@ class InputCheck:
         self._never_zero = [(n, starts[n]) for n, _, v in self._whole if v.items and 0 not in dict(v.items)]
 
     def checked(self, fmu: str, t: float, u: Any) -> NDArray[np.float64]:
-        """Return inputs at a time as the FMU takes them; raise :class:`InputError` where it cannot."""
+        """Return the inputs at a time, converted for the FMU; raise :class:`InputError` if impossible."""
         inputs = np.array(u, dtype=float).reshape(-1)
         if inputs.size != len(self._labels):
             raise InputError(f"{fmu}: expected {len(self._labels)} inputs, found {inputs.size}")
@@ -111,7 +111,7 @@ class InputCheck:
         return inputs + 0.0  # no negative zero: equal inputs are equal bytes
 
     def connected(self, fmu: str, t: float, u: Any) -> NDArray[np.float64]:
-        """Return inputs as :meth:`checked`; a 0 that cannot be meant is an input that is not connected."""
+        """Return inputs as :meth:`checked`; a 0 outside an enumeration means an unconnected input."""
         inputs = np.array(u, dtype=float).reshape(-1)
         for n, start in self._never_zero:
             if n < inputs.size and inputs[n] == 0.0:

@@ -1,7 +1,7 @@
-"""An FMU in a process of its own, so that its crash, hang or exit is an error here and not the end.
+"""An FMU in a separate process, so that its crash, hang or exit is only an error here.
 
-The parent writes one line of JSON per call to the child's standard input and reads one line back; floats
-keep every bit in it. This guards against faults, not against malice: the child has the user's rights too.
+The parent writes one line of JSON per call to the child's standard input and reads one line back; floats are
+exact in it. This protects against faults, not against malice: the child has the user's rights.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ START_TIME, STOP_TIME = 60.0, 2.0
 
 
 class Remote:
-    """An FMU in a process of its own; its calls are :class:`hovercontrol.fmi.importer.instance.Engine`'s.
+    """An FMU in a separate process, a :class:`hovercontrol.fmi.importer.instance.Engine`.
 
     Parameters
     ----------
     folder : Path
-        Where the FMU is unpacked.
+        Folder of the unpacked FMU.
     name : str
         The instance's name, for its messages.
     timeout : float
@@ -41,7 +41,7 @@ class Remote:
     Raises
     ------
     FmuError
-        If the FMU cannot be loaded there.
+        If the FMU cannot be loaded in that process.
     """
 
     def __init__(self, folder: Path, interface: Interface, name: str, timeout: float) -> None:
@@ -52,7 +52,7 @@ class Remote:
         self._open()
 
     def start(self, time: float, parameters: Sequence[float | None], inputs: Sequence[float]) -> list[float]:
-        """Begin a run, in a new process if the last one is gone."""
+        """Begin a run, in a new process if the last one has ended."""
         if self._child is None:
             self._open()
         return self._call("start", time, list(parameters), list(inputs))
@@ -62,19 +62,19 @@ class Remote:
         return self._call("outputs", list(inputs))
 
     def step(self, time: float, step: float, inputs: Sequence[float]) -> list[float]:
-        """Let time pass."""
+        """Advance in time."""
         return self._call("step", time, step, list(inputs))
 
     def save(self) -> int:
-        """Keep the present state."""
+        """Save the present state."""
         return self._call("save")
 
     def restore(self, handle: int) -> None:
-        """Return to a state that was kept."""
+        """Restore a saved state."""
         self._call("restore", handle)
 
     def drop(self, handle: int) -> None:
-        """Keep a state no longer."""
+        """Discard a saved state."""
         self._call("drop", handle)
 
     def close(self) -> None:
@@ -105,7 +105,7 @@ class Remote:
     def _call(self, name: str, *arguments: Any, timeout: float | None = None) -> Any:
         child = self._child
         if child is None:
-            raise FmuError("its process is gone")
+            raise FmuError("its process has ended")
         wait = self._timeout if timeout is None else timeout
         try:
             self._send(child, [name, *arguments])
@@ -147,7 +147,7 @@ class Remote:
 
 
 def _forward(pipe: IO[bytes], answers: queue.SimpleQueue[bytes]) -> None:
-    """Hand on the child's lines, and an empty one at their end; pipes have no time limit of their own."""
+    """Forward the child's lines to a queue, then an empty one: reading a pipe has no timeout."""
     with contextlib.suppress(OSError, ValueError):
         for line in pipe:
             answers.put(line)
@@ -162,7 +162,7 @@ def _status(code: int | None) -> str:
 
 
 def main() -> None:
-    """Serve one FMU until told to close or until the parent is gone."""
+    """Serve one FMU until the close command or the parent's end."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     # The FMU may print: its standard output becomes standard error, the answers go another way.
     answers = os.fdopen(os.dup(1), "wb")
@@ -194,7 +194,7 @@ def main() -> None:
 
 
 def _listen(requests: queue.SimpleQueue[bytes]) -> None:
-    """Hand on the parent's lines; when they end, so does this process, whatever the FMU is doing."""
+    """Forward the parent's lines; at their end this process exits, whatever the FMU is doing."""
     for line in sys.stdin.buffer:
         requests.put(line)
         if json.loads(line)[0] == "close":

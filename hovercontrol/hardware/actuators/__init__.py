@@ -3,8 +3,8 @@
 In the order of the signals: :func:`force_command` (dead zone, polar coordinates), :func:`rudder_lookup` and
 :func:`thrust_lookup` (calibration tables), then, where they act, :func:`rudder_servo`,
 :func:`speed_controller`, :func:`fan_motor` and :func:`thrust_force`, whose outputs the plant takes. Each is a
-Block and stands alone; :func:`actuators` returns all of them for a loop.
-:func:`variable_pitch_propeller` is what K06 wishes for in place of fan and speed controller.
+Block of its own; :func:`actuators` returns all of them for a loop.
+:func:`variable_pitch_propeller` replaces fan and speed controller, as K06 chapter 7 suggests.
 """
 
 from hovercontrol.hardware.actuators.chain import Actuators, actuators

@@ -25,7 +25,7 @@ class Actuators:
     Attributes
     ----------
     pilot : tuple of Block
-        They tick with the law: dead zone and lookups. A radio link lies behind them: inputs ``force_x,
+        Dead zone and lookups, which tick with the control law; a radio link follows them. Inputs ``force_x,
         force_y``, outputs ``servo_command``, ``fan_speed_command``.
     board : tuple of Block
         The servo and the speed controller; outputs ``rudder_angle``, ``fan_speed_set``.
@@ -44,11 +44,11 @@ class Actuators:
 
     @property
     def sampled(self) -> tuple[Block, ...]:
-        """What :func:`~hovercontrol.simulation.hybrid.simulate_hybrid` takes behind a law, in order."""
+        """The sampled Blocks after a law, in order, for ``simulate_hybrid``."""
         return (*self.pilot, *self.board)
 
     def moving(self, plant: Block) -> Block:
-        """Return the plant behind motor and force: its inputs are the outputs of the actuators on board."""
+        """Return the plant with motor and force; its inputs are the outputs of the actuators on board."""
         return interconnect([plant, self.body], plant.name)
 
 
@@ -83,12 +83,12 @@ def actuators(
     lag : float, optional
         [s], see :func:`fan_motor`.
     update : float, optional
-        Time between two commands that servo and speed controller take [s].
+        Time between two commands to servo and speed controller [s].
     period : float, optional
         Base tick [s], the law's.
     ideal : bool, optional
-        Switch everything off: what the law asks for is what the plant gets, within rounding. No other
-        argument but the period is taken then.
+        Switch all imperfections off: the plant gets the commanded force, within rounding. Then only the
+        period may be given as well.
 
     Returns
     -------
@@ -97,7 +97,7 @@ def actuators(
     Raises
     ------
     InputError
-        If a number is negative, or anything is given beside ``ideal``.
+        If a number is negative, or another argument than the period is given with ``ideal``.
 
     Examples
     --------
@@ -108,7 +108,7 @@ def actuators(
     slope, offset = RUDDER_SLOPE, RUDDER_OFFSET
     if ideal:
         if (tables, servo, dead_zone, limit, slew, brake, lag, update) != defaults:
-            raise InputError("actuators: ideal ones take no other argument but the period")
+            raise InputError("actuators: with ideal=True, expected no other argument than period")
         tables, servo, dead_zone, brake, update = ideal_fan(), ideal_servo(), 0.0, 0.0, period
         slope, offset = -1.0, 0.0
     lookup, force = tables or (None, None)
@@ -129,5 +129,5 @@ def actuators(
 
 
 def _ticking(block: Block, period: float) -> Block:
-    """Return a Block without states as one that ticks: its outputs are held between."""
+    """Return a Block without states as a sampled one: its outputs are held between ticks."""
     return replace(block, period=period)

@@ -16,14 +16,14 @@ from hovercontrol.hardware.actuators.signals import FORCE_ANGLE_COMMAND, THRUST_
 def force_command(*, dead_zone: float = 0.05, limit: float = 0.0, name: str = "command") -> Block:
     """Return K06's "Polar Coords" block with its dead zone, and a saturation of the force (section 6.1.1).
 
-    It is :func:`~hovercontrol.controllers.k06.force_to_command`, backwards by reversing the fan.
+    It is :func:`~hovercontrol.controllers.k06.force_to_command`; for a force astern the fan reverses.
 
     Parameters
     ----------
     dead_zone : float, optional
         Components no larger than this [N] count as zero; 0 switches it off.
     limit : float, optional
-        Largest force [N], its angle kept; 0 (the default) for none: K06's tables end at 2 N by themselves.
+        Largest force [N], limited at constant angle; 0 (the default) for no limit: K06's tables end at 2 N.
     name : str, optional
 
     Returns
@@ -48,7 +48,7 @@ def force_command(*, dead_zone: float = 0.05, limit: float = 0.0, name: str = "c
     ports = {"thrust": "wanted_thrust", "rudder": FORCE_ANGLE_COMMAND.name}
     wanted, most = (
         Signal("wanted_thrust", "N", "before the limit"),
-        Signal("limit", "N", "largest force; 0: none", start=limit, lower=0.0),
+        Signal("limit", "N", "largest force; 0: no limit", start=limit, lower=0.0),
     )
     F, L = wanted.symbol, most.symbol
     kept = Block(

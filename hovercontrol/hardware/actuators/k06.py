@@ -1,9 +1,9 @@
-"""K06's calibration (section 4.3): what is published of it, and stand-ins for the tables that are not.
+"""K06's calibration (section 4.3): the published part, and stand-ins for the unpublished tables.
 
-Published are the regression (4.3), the ratio (4.4), and what the tables are like: 14 rudder angles 5 degrees
+Published are the regression (4.3), the ratio (4.4), and the size of the tables: 14 rudder angles 5 degrees
 apart by 161 forces 0.025 N apart, speeds of 3000 to 12 000 RPM, force quadratic in the speed and falling
 with the rudder angle, between 1.5 and 2 N at 12 000 RPM (the axis of figure 4.5). The entries are not
-published. **The tables here are stand-ins, generated from these facts**; who has measured ones reads them by
+published. **The tables here are stand-ins, generated from these facts**; read measured tables with
 :func:`~hovercontrol.hardware.actuators.read_fan_table`.
 """
 
@@ -97,8 +97,8 @@ def _quantity(value: Quantity) -> Quantity:
 def forward_thrust(speed: ArrayLike, rudder: ArrayLike = 0.0) -> Floats:
     """Return the fan's forward force [N]: the stand-in for K06's quadratic fits, one for each rudder angle.
 
-    ``1.35 N (speed/10 000 RPM)^2 cos(rudder)``: the cosine is what a turned vane leaves of the axial
-    momentum; K06 says only that the force falls with the angle.
+    ``1.35 N (speed/10 000 RPM)^2 cos(rudder)``: the cosine is the part of the axial momentum behind a turned
+    vane. K06 says only that the force falls with the angle.
 
     Parameters
     ----------
@@ -127,7 +127,7 @@ def forward_thrust(speed: ArrayLike, rudder: ArrayLike = 0.0) -> Floats:
 
 @checked
 def reverse_ratio(speed: ArrayLike) -> Floats:
-    """Return reverse by forward force at a speed [RPM], (4.4); outside 6000 ... 12 000 RPM that of the end.
+    """Return the ratio of reverse to forward force (4.4) at a speed [RPM], constant outside 6000 ... 12 000.
 
     Below 4000 RPM the cubic itself is negative.
 
@@ -186,10 +186,9 @@ def fan_tables(
     highest: float = HIGHEST_SPEED,
     step: float = SPEED_STEP,
 ) -> tuple[FanTable, FanTable]:
-    """Return the table of speeds over forces, K06's lookup table, and its reverse, from a model of the force.
+    """Return K06's lookup table (speeds over forces) and its inverse, from a model of the force.
 
-    Speeds beyond the highest are cut to it and those below the lowest raised to it; at zero force the fan
-    stands. Speeds are whole RPM.
+    Speeds are limited to lowest and highest, in whole RPM; at zero force the fan stands still.
 
     Parameters
     ----------
@@ -197,13 +196,13 @@ def fan_tables(
         Of speeds [RPM] and one rudder angle [degree]: forces [N], increasing with the speed. Default:
         :func:`fan_force`, the stand-in.
     name : str, optional
-        What error lines call the tables.
+        Name of the tables in messages.
     rudder, columns : array_like, optional
         Axes: rudder angles [degree], forces [N].
     lowest, highest : float, optional
         Range of the speed [RPM].
     step : float, optional
-        Of the reverse table's speeds [RPM].
+        Step of the speeds in the inverse table [RPM].
 
     Returns
     -------
@@ -241,8 +240,8 @@ def fan_tables(
 def servo_table() -> ServoTable:
     """Return rudder angle against pulse, 1 to 2 ms in steps of 0.05 ms: a stand-in for figure 4.2.
 
-    K06 stepped the servo like this and found a curve that is "nonlinear", between -40 and 40 degrees. Here it
-    is that of a rod between two arms: the sine of the servo's angle, which is 60 degrees at the ends.
+    K06 stepped the servo like this and found a "nonlinear" curve between -40 and 40 degrees. The stand-in is
+    a rod between two arms: the sine of the servo's angle, which is 60 degrees at the ends.
 
     Examples
     --------
@@ -256,9 +255,9 @@ def servo_table() -> ServoTable:
 
 @checked
 def ideal_fan(force: float = 20.0, angle: float = 180.0) -> tuple[FanTable, FanTable]:
-    """Return tables of a fan without imperfection: force in proportion to speed, at any rudder angle.
+    """Return tables of an ideal fan: force proportional to speed, at any rudder angle.
 
-    With them, tables are switched off. :func:`ideal_servo` does that to the servo's.
+    They switch off the fan's calibration; :func:`ideal_servo` switches off the servo's.
 
     Parameters
     ----------
@@ -282,7 +281,7 @@ def ideal_fan(force: float = 20.0, angle: float = 180.0) -> tuple[FanTable, FanT
 
 @checked
 def ideal_servo(angle: float = 180.0) -> ServoTable:
-    """Return a servo's table without imperfection: angle in proportion to pulse, up to `angle` [degree].
+    """Return the table of an ideal servo: angle proportional to pulse, up to `angle` [degree].
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""The lift fan: without it the craft stands on its skirt, and the floor's dry friction holds it."""
+"""The lift fan: while it is off, the craft stands on its skirt and dry friction holds it."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ FLOOR = (
 def skirt_on_floor(
     *, friction: float = 0.5, radius: float = 0.15, body: Body = HOVERDEMON_BODY, name: str = "skirt"
 ) -> Block:
-    """Return how much the floor holds the craft: not at all while the lift fan runs.
+    """Return the dry friction of the floor: zero while the lift fan runs.
 
-    K06 prints no friction of the skirt: coefficient and radius are stand-ins. At any size near them the
-    thrust, 0.8 m/s^2 at most, does not move a craft whose lift is off.
+    K06 prints no friction of the skirt: coefficient and radius are stand-ins. The thrust, 0.8 m/s^2 at most,
+    is far below this friction, so it does not move a craft whose lift is off.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Tables that a user measured: the one that was not is made of the one that was."""
+"""Measured tables: the missing one of the two is computed from the other."""
 
 from __future__ import annotations
 
@@ -24,20 +24,20 @@ SERVO_HEAD = ("pulse_ms", "angle_deg")
 def table_pair(
     tables: FanTable | Sequence[FanTable] | None, where: str = "tables"
 ) -> tuple[FanTable, FanTable]:
-    """Return the fan's table of speeds over forces and that of forces over speeds.
+    """Return the fan's table of speeds over forces and its table of forces over speeds.
 
     Parameters
     ----------
     tables : FanTable or two of them, optional
-        Both, in any order, or one, which is turned round: row by row, on as many columns as K06's tables
-        have. Default: K06's stand-ins.
+        Both, in any order, or one, which is inverted row by row, with the number of columns of K06's tables.
+        Default: K06's stand-ins.
     where : str, optional
-        What error lines begin with.
+        Prefix of messages.
 
     Raises
     ------
     InputError
-        If they are none, or both of one kind.
+        If they are not tables, or both are of the same kind.
 
     Examples
     --------
@@ -65,7 +65,7 @@ def table_pair(
 def with_reverse(
     forward: FanTable, ratio: Callable[[Floats], Floats] = reverse_ratio
 ) -> tuple[FanTable, FanTable]:
-    """Return both tables of a fan that was measured ahead only, as K06 made its own (section 4.3.2.2).
+    """Return both tables of a fan measured ahead only, by K06's method (section 4.3.2.2).
 
     K06 measured 14 x 81 entries, rudder angles by forces of 0 to 2 N, and made 14 x 161 of them by the ratio
     of reverse to forward thrust, measured with the rudder straight: at any angle the fan pushes backward
@@ -74,7 +74,7 @@ def with_reverse(
     Parameters
     ----------
     forward : FanTable
-        Over forces from 0 on.
+        Over forces that begin at 0.
     ratio : callable, optional
         Of speeds [RPM]; default K06's (4.4).
 
@@ -136,8 +136,8 @@ def _over_speeds(table: FanTable) -> FanTable:
 def _forces(row: Floats, forces: Floats) -> tuple[Floats, Floats]:
     """Return the speeds of a row, each once, and the force of each.
 
-    Where many forces have one speed, they were raised to the lowest that the fan runs at, or cut to the
-    highest: the fan makes the largest of the former and the smallest of the latter.
+    Where many forces share a speed, that speed is the lowest or highest of the fan. The fan then makes the
+    largest force at the lowest speed, and the smallest at the highest.
     """
     speeds, first = np.unique(row, return_index=True)
     last = np.append(first[1:], len(row)) - 1
@@ -150,7 +150,7 @@ def _forces(row: Floats, forces: Floats) -> tuple[Floats, Floats]:
 
 @checked
 def read_servo_table(path: str | Path) -> ServoTable:
-    r"""Read a servo's table that a user measured in place of the stand-in.
+    r"""Read a measured table of a servo, in place of the stand-in.
 
     Parameters
     ----------
@@ -164,7 +164,7 @@ def read_servo_table(path: str | Path) -> ServoTable:
     Raises
     ------
     InputError
-        If the file is not there or not such a table; the line names file and row.
+        If the file does not exist or is not such a table; the message names file and row.
 
     Examples
     --------

@@ -1,11 +1,11 @@
-"""A variable-pitch propeller, which K06 wishes for (chapter 7): constant speed, blades that a servo turns.
+"""A variable-pitch propeller, suggested by K06 chapter 7: constant speed, blades turned by a servo.
 
 It pushes both ways alike and needs no reversing speed controller, whose delay K06 calls problematic.
 
-Blade-element momentum theory of a propeller that stands still (Leishman, "Principles of Helicopter
+Blade-element momentum theory of a static propeller (Leishman, "Principles of Helicopter
 Aerodynamics", section 3.3) gives the blades' pitch at three quarters of the radius as ``6 C_T / (sigma a) +
-3/2 sqrt(C_T / 2)``: a part in proportion to the thrust, and the inflow's. So with p the share of the full
-pitch and f that of the full thrust, ``p = (1 - i) f + i sqrt(f)``, i being the inflow's share at full thrust.
+3/2 sqrt(C_T / 2)``: a term proportional to the thrust, and the term of the inflow. With p = pitch/full pitch,
+f = thrust/full thrust and i the inflow's share of the full pitch, ``p = (1 - i) f + i sqrt(f)``.
 """
 
 from __future__ import annotations
@@ -47,23 +47,23 @@ BLADE_PITCH = Signal("blade_pitch", "rad", "pitch of the blades, negative astern
 @checked
 @dataclass(frozen=True)
 class VariablePitch:
-    """What a variable-pitch propeller is like; the defaults are a stand-in for K06's craft, nobody built one.
+    """Data of a variable-pitch propeller; the defaults are a stand-in for K06's craft, which had none.
 
     Parameters
     ----------
     thrust : float, optional
-        At full pitch, either way [N]. Default: K06's fan at its 12 000 RPM.
+        Thrust at full pitch, in both directions [N]. Default: K06's fan at 12 000 RPM.
     pitch : float, optional
         Full pitch [rad]. Default: blade-element theory for K06's two blades of 7 in diameter (section 4.2),
         15 mm wide, at 12 000 RPM.
     inflow : float, optional
-        Share of the full pitch that the inflow takes, by the same; 0: thrust in proportion to pitch.
+        Share of the full pitch that the inflow takes, by the same theory; 0: thrust proportional to pitch.
     lag : float, optional
-        Time constant of the pitch's servo [s]; 0: it follows at once. The default is an assumption.
+        Time constant of the pitch's servo [s]; 0: no lag. The default is an assumption.
     rudder_loss : float, optional
-        Share of the thrust lost with the rudder at 35 degrees, beyond the cosine, as of the fan.
+        Share of the thrust lost with the rudder at 35 degrees, besides the cosine, as for the fan.
     ideal : bool, optional
-        Without what the rudder takes.
+        Without the loss by the rudder.
 
     Raises
     ------
@@ -96,15 +96,18 @@ class VariablePitch:
     def signals(self) -> tuple[Signal, Signal, Signal, Signal]:
         """Return full thrust, full pitch, the inflow's share and the rudder's loss as parameters."""
         return (
-            Signal("full_thrust", "N", "at full pitch, either way", start=self.thrust, lower=0.0),
+            Signal("full_thrust", "N", "thrust at full pitch", start=self.thrust, lower=0.0),
+            Signal("full_pitch", "rad", "largest pitch", start=self.pitch, lower=0.0, nominal=0.1),
             Signal(
-                "full_pitch", "rad", "largest pitch, either way", start=self.pitch, lower=0.0, nominal=0.1
+                "inflow", "1", "inflow's share of the full pitch", start=self.inflow, lower=0.0, upper=1.0
             ),
             Signal(
-                "inflow", "1", "share of it that the inflow takes", start=self.inflow, lower=0.0, upper=1.0
-            ),
-            Signal(
-                "rudder_loss", "1", "share lost at 35 degrees", start=self.rudder_loss, lower=0.0, upper=1.0
+                "rudder_loss",
+                "1",
+                "share of the thrust lost at a rudder of 35 degrees",
+                start=self.rudder_loss,
+                lower=0.0,
+                upper=1.0,
             ),
         )
 
@@ -115,7 +118,7 @@ class VariablePitch:
 
 @checked
 def pitch_lookup(propeller: VariablePitch | None = None, *, name: str = "pitch_lookup") -> Block:
-    """Return the pitch for a wanted thrust at a rudder angle; beyond full pitch it is full pitch.
+    """Return the lookup of the pitch for a thrust command at a rudder angle, limited to full pitch.
 
     Parameters
     ----------
@@ -126,7 +129,7 @@ def pitch_lookup(propeller: VariablePitch | None = None, *, name: str = "pitch_l
     -------
     Block
         Without states. Inputs ``thrust_command`` [N], ``rudder_angle_command`` [rad]; outputs
-        ``pitch_command`` [rad] and ``thrust_outside``, 1 where more is wanted than full pitch gives.
+        ``pitch_command`` [rad] and ``thrust_outside``, 1 where the command exceeds the thrust at full pitch.
 
     Examples
     --------
@@ -138,7 +141,7 @@ def pitch_lookup(propeller: VariablePitch | None = None, *, name: str = "pitch_l
     parameters = made.signals()
     full, most, inflow, loss = (p.symbol for p in parameters)
     F = THRUST_COMMAND.symbol
-    share = Signal("share", "1", "of the full thrust that is there")
+    share = Signal("share", "1", "share of the full thrust")
     wanted = F / (full * made.left(RUDDER_ANGLE_COMMAND.symbol, loss))
     size = sp.Min(sp.Abs(share.symbol), 1)
     turned = most * ((1 - inflow) * size + inflow * sp.sqrt(size))
@@ -159,12 +162,12 @@ def pitch_lookup(propeller: VariablePitch | None = None, *, name: str = "pitch_l
 
 @checked
 def pitch_servo(*, lag: float = 0.05, period: float = UPDATE, name: str = "pitch_servo") -> Block:
-    """Return the servo that turns the blades: it takes a command at each tick and nears it with a lag.
+    """Return the servo of the blades: a sampled command and a first-order lag.
 
     Parameters
     ----------
     lag : float, optional
-        Time constant [s]; 0: it is there at once.
+        Time constant [s]; 0: no lag.
     period : float, optional
         [s]
     name : str, optional
@@ -191,7 +194,7 @@ def pitch_servo(*, lag: float = 0.05, period: float = UPDATE, name: str = "pitch
         "lag", "s", "time constant", start=not_negative(f"{name}: lag", lag), lower=0.0, nominal=0.1
     )
     step = Signal("update", "s", "time between two commands", start=period, lower=0.0)
-    last = BLADE_PITCH.replace(name="last_blade_pitch", description="their pitch so far")
+    last = BLADE_PITCH.replace(name="last_blade_pitch", description="pitch before this command")
     kept = sp.exp(-step.symbol / sp.Max(late.symbol, step.symbol / 1000))
     return Block(
         name,
@@ -214,7 +217,7 @@ def pitch_thrust(
     offset: float = RUDDER_OFFSET,
     name: str = "pitch_thrust",
 ) -> Block:
-    """Return the force that blades and rudder make: the theory backwards, and (4.3) backwards.
+    """Return the force of blades and rudder, by the inverse of the theory and of (4.3).
 
     Parameters
     ----------
@@ -243,7 +246,7 @@ def pitch_thrust(
     parameters = (*regression_signals(slope, offset, name), *made.signals())
     K, b, full, most, inflow, loss = (p.symbol for p in parameters)
     pitch = BLADE_PITCH.symbol
-    share = Signal("share", "1", "of the full pitch")
+    share = Signal("share", "1", "share of the full pitch")
     p, straight = share.symbol, 1 - inflow
     root = 2 * p / (inflow + sp.sqrt(inflow**2 + 4 * straight * p))  # of (1 - i) s^2 + i s = p
     root = sp.Piecewise((root, p > 0), (0, True))
@@ -269,13 +272,13 @@ def pitch_thrust(
 def variable_pitch_propeller(
     propeller: VariablePitch | None = None, *, period: float = UPDATE, name: str = "variable_pitch"
 ) -> Block:
-    """Return the whole variable-pitch propeller: pitch for a wanted thrust, servo, blades.
+    """Return the complete variable-pitch propeller: lookup of the pitch, servo, blades.
 
     Parameters
     ----------
     propeller : VariablePitch, optional
     period : float, optional
-        At which the servo takes commands [s].
+        Time between two commands to the servo [s].
     name : str, optional
 
     Returns
@@ -306,7 +309,7 @@ def variable_pitch_propeller(
 def blade_element(
     thrust: float, radius: float, speed: float, chord: float, *, blades: int = 2, air: float = 1.2
 ) -> tuple[float, float]:
-    """Return full pitch [rad] and the inflow's share of it, by blade-element momentum theory.
+    """Return the full pitch [rad] and the inflow's share of it, by blade-element momentum theory.
 
     Parameters
     ----------
@@ -323,7 +326,7 @@ def blade_element(
     Raises
     ------
     InputError
-        If one is not positive.
+        If a value is not positive.
 
     Examples
     --------

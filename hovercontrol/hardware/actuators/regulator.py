@@ -1,4 +1,4 @@
-"""The PI regulator that holds a fan's speed while the battery empties (K06 4.2.1, 4.3.2.1, 5.2)."""
+"""The PI regulator of a fan's speed on a discharging battery (K06 4.2.1, 4.3.2.1, 5.2)."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ def speed_regulator(
     """Return a PI regulator of a fan's speed, thrust or lift.
 
     K06 "implemented a simple PI controller in firmware and adjusted the gains through experimentation", and
-    prints none: here they cancel the motor's lag and let the speed follow with a lag of `settling`. The sum
-    stops where the duty is at a limit, so that it does not wind up.
+    prints none. Here they cancel the motor's lag, so that the speed follows with the time constant
+    `settling`. The integral stops while the duty is at a limit (anti-windup).
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def speed_regulator(
     lag : float, optional
         Of the motor alone [s].
     full_speed : float, optional
-        At a duty of 1 on a full battery [RPM].
+        Speed at a duty of 1 on a full battery [RPM].
     period : float, optional
         [s]; K06's speed controllers take commands every 20 ms.
     name : str, optional
@@ -69,7 +69,7 @@ def speed_regulator(
     settle, slow, full = (s.symbol for s in own.values())
     gain = slow / (settle * full)
     total = Signal("integral", "1", "the duty's integral part")
-    wanted = Signal("wanted_duty", "1", "before its limits")
+    wanted = Signal("wanted_duty", "1", "duty before its limits")
     error = FAN_SPEED_SET.symbol - FAN_SPEED.symbol
     step = gain / slow * tick.symbol * error
     inside = sp.Or(
@@ -95,14 +95,14 @@ def speed_regulator(
 def battery_fan(
     *, lag: float = 0.1, full_speed: float = FULL_SPEED, sag: float = 0.0, name: str = "battery_fan"
 ) -> Block:
-    """Return a fan on a battery whose voltage falls evenly: "for a constant command the speed decreases".
+    """Return a fan on a battery whose voltage falls linearly: "for a constant command the speed decreases".
 
     Parameters
     ----------
     lag : float, optional
         Of the motor [s].
     full_speed : float, optional
-        At a duty of 1 on a full battery [RPM].
+        Speed at a duty of 1 on a full battery [RPM].
     sag : float, optional
         Share of the voltage lost each second [1/s].
     name : str, optional
@@ -127,7 +127,10 @@ def battery_fan(
     parameters = (
         Signal("lag", "s", "time constant", start=positive(f"{name}: lag", lag), lower=1e-9),
         Signal(
-            "full_speed", "rad/s", "at a duty of 1", start=positive(f"{name}: full_speed", full_speed) * RPM
+            "full_speed",
+            "rad/s",
+            "speed at a duty of 1",
+            start=positive(f"{name}: full_speed", full_speed) * RPM,
         ),
         Signal("sag", "1/s", "share of the voltage lost each second", start=sag, lower=0.0),
     )

@@ -34,26 +34,24 @@ _UNIT = Signal("pulse_unit", "s", "one millisecond of the table", start=MILLISEC
 
 
 def regression_signals(slope: float, offset: float, name: str) -> tuple[Signal, Signal]:
-    """Return slope and offset [rad] of (4.3) as parameters of a Block; refuse a slope that is zero."""
+    """Return slope and offset [rad] of (4.3) as parameters of a Block; the slope must not be zero."""
     positive(f"{name}: size of the slope", abs(number(f"{name}: slope", slope)))
     return (
-        Signal("slope", "1", "rudder angle per hovercraft angle, (4.3)", start=slope),
-        Signal("offset", "rad", "rudder angle at which the force is straight, (4.3)", start=offset),
+        Signal("slope", "1", "slope of (4.3): rudder angle over hovercraft angle", start=slope),
+        Signal("offset", "rad", "offset of (4.3): rudder angle of a force straight ahead", start=offset),
     )
 
 
 def clipped(outside: sp.Basic, name: str) -> tuple[Signal, sp.Expr]:
     """Return an output that is 1 where a lookup is clipped, and its expression."""
-    told = Signal(f"{name}_outside", "1", "1 where the table is left and its border taken", lower=0.0)
+    told = Signal(f"{name}_outside", "1", "1 outside the table, where the border value is used", lower=0.0)
     return told, sp.Piecewise((1, outside), (0, True))
 
 
 def counted(outside: sp.Basic, name: str) -> tuple[Signal, Signal, dict[str, sp.Expr]]:
     """Return a state, an output and its definition that count the ticks at which a lookup was clipped."""
-    last = Signal("last_clipped", "1", "ticks clipped up to the last one", lower=0.0)
-    count = Signal(
-        f"{name}_clipped", "1", "ticks at which the table was left and its border taken", lower=0.0
-    )
+    last = Signal("last_clipped", "1", "clipped ticks before this one", lower=0.0)
+    count = Signal(f"{name}_clipped", "1", "clipped ticks, with values outside the table", lower=0.0)
     return last, count, {count.name: last.symbol + sp.Piecewise((1, outside), (0, True))}
 
 
@@ -82,8 +80,8 @@ def rudder_lookup(
     -------
     Block
         Input ``force_angle_command`` [rad]; outputs ``rudder_angle_command`` [rad], as (4.3) has it,
-        ``servo_command`` [s], its angle kept within the table, and ``rudder_clipped``, the count of ticks at
-        which it was not (without period ``rudder_outside``, 1 where it is not).
+        ``servo_command`` [s], limited to the table, and ``rudder_clipped``, the number of ticks at which it
+        was limited (without period ``rudder_outside``, 1 where it is limited).
 
     Raises
     ------
@@ -138,16 +136,17 @@ def rudder_servo(
     period: float = UPDATE,
     name: str = "rudder_servo",
 ) -> Block:
-    """Return the rudder's servo: it takes a new pulse every 20 ms and goes to the table's angle.
+    """Return the rudder's servo: it reads a pulse every 20 ms and moves to the table's angle.
 
-    Pulses beyond the table's ends leave it at its end, K06's actuator limits.
+    Pulses beyond the table give the angle at its end, K06's actuator limit.
 
     Parameters
     ----------
     table : ServoTable, optional
         Default: :func:`~hovercontrol.hardware.actuators.k06.servo_table`, a stand-in.
     slew : float, optional
-        Fastest turn [rad/s]; 0 (the default) for no limit: K06 gives none. Hobby servos do about 6 rad/s.
+        Largest rate of the rudder [rad/s]; 0 (the default) for no limit: K06 gives none. Hobby servos do
+        about 6 rad/s.
     period : float, optional
         [s]
     name : str, optional
@@ -172,11 +171,17 @@ def rudder_servo(
     positive(f"{name}: period", period)
     known = servo_table() if table is None else table
     rate = Signal(
-        "slew", "rad/s", "fastest turn; 0: any", start=not_negative(f"{name}: slew", slew), lower=0.0
+        "slew",
+        "rad/s",
+        "largest rate of the rudder; 0: no limit",
+        start=not_negative(f"{name}: slew", slew),
+        lower=0.0,
     )
     step = Signal("update", "s", "time between two pulses", start=period, lower=0.0)
     neutral = float(np.interp(SERVO_COMMAND.start / MILLISECOND, known.pulse, known.angle)) * DEGREE
-    last = RUDDER_ANGLE.replace(name="last_rudder_angle", description="its angle so far", start=neutral)
+    last = RUDDER_ANGLE.replace(
+        name="last_rudder_angle", description="rudder angle at the last tick", start=neutral
+    )
     aim = Signal("aim", "rad", "angle of the pulse")
     most = rate.symbol * step.symbol
     turned = last.symbol + sp.Max(-most, sp.Min(most, aim.symbol - last.symbol))

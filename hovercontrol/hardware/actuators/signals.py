@@ -1,4 +1,4 @@
-"""The signals between the parts of K06's actuation, in the order in which they follow each other.
+"""The signals between the parts of K06's actuation, in order.
 
 Shaft speeds are in rad/s and pulses in seconds, as everywhere inside; tables are in the units of their files
 (RPM, ms, degrees).
@@ -18,17 +18,17 @@ RPM = 2 * math.pi / 60
 MILLISECOND = 1e-3
 DEGREE = math.pi / 180
 
-THRUST_COMMAND = Signal("thrust_command", "N", "wanted force of the fan, negative astern")
-FORCE_ANGLE_COMMAND = Signal("force_angle_command", "rad", "wanted angle of the force from the bow")
-RUDDER_ANGLE_COMMAND = Signal("rudder_angle_command", "rad", "wanted angle of the rudder", nominal=0.5)
+THRUST_COMMAND = Signal("thrust_command", "N", "commanded force of the fan, negative astern")
+FORCE_ANGLE_COMMAND = Signal("force_angle_command", "rad", "commanded angle of the force from the bow")
+RUDDER_ANGLE_COMMAND = Signal("rudder_angle_command", "rad", "commanded rudder angle", nominal=0.5)
 SERVO_COMMAND = Signal(
     "servo_command", "s", "width of the servo's pulse", start=1.5 * MILLISECOND, nominal=MILLISECOND
 )
 FAN_SPEED_COMMAND = Signal(
-    "fan_speed_command", "rad/s", "wanted speed of the fan, negative in reverse", nominal=1e3
+    "fan_speed_command", "rad/s", "commanded fan speed, negative in reverse", nominal=1e3
 )
-FAN_SPEED_SET = Signal("fan_speed_set", "rad/s", "speed the speed controller asks for", nominal=1e3)
-FAN_SPEED = Signal("fan_speed", "rad/s", "speed of the fan, negative in reverse", nominal=1e3)
+FAN_SPEED_SET = Signal("fan_speed_set", "rad/s", "fan speed set by the speed controller", nominal=1e3)
+FAN_SPEED = Signal("fan_speed", "rad/s", "fan speed, negative in reverse", nominal=1e3)
 RUDDER_ANGLE = Signal("rudder_angle", "rad", "angle of the rudder", nominal=0.5)
 
 #: K06's base tick and the period of servos and speed controllers [s].
@@ -41,7 +41,7 @@ def not_negative(where: str, value: float) -> float:
     Raises
     ------
     InputError
-        If it is not.
+        If the number is negative or not finite.
     """
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value < math.inf:
         raise InputError(f"{where} must not be negative, found {value!r}")
@@ -49,12 +49,12 @@ def not_negative(where: str, value: float) -> float:
 
 
 def whole_ticks(where: str, seconds: float, period: float) -> int:
-    """Return how many ticks a time lasts.
+    """Return the number of ticks in a time.
 
     Raises
     ------
     InputError
-        If it is negative or no multiple of the period.
+        If the time is negative or not a multiple of the period.
 
     Examples
     --------

@@ -18,7 +18,7 @@ from hovercontrol.hardware.actuators.signals import (
 )
 from hovercontrol.io.tables import positive
 
-MODE = Signal("drive_mode", description="what the speed controller does", modes=("run", "brake"))
+MODE = Signal("drive_mode", description="mode of the speed controller", modes=("run", "brake"))
 
 
 @checked
@@ -31,16 +31,15 @@ def speed_controller(
 ) -> Block:
     """Return the fan's speed controller, which brakes before it turns from reverse to forward [K06 fig 6.6].
 
-    It takes a new command every 20 ms. When commands cross from negative to positive, be it over zero, it
-    brakes for exactly 150 ms; a negative command meanwhile ends that, and the fan jumps to it. 150 ms are not
-    a multiple of 20 ms: the Block therefore ticks every millisecond, at which the brake ends, and counts the
-    ticks between two commands.
+    It reads a command every 20 ms. When commands change from negative to positive, directly or over zero, it
+    brakes for exactly 150 ms. A negative command ends the braking and acts at once. 150 ms is not a multiple
+    of 20 ms, so the Block ticks every millisecond and counts the ticks between two commands.
 
     Parameters
     ----------
     brake : float, optional
-        How long it brakes [s], a multiple of the period; 0 switches it off. Another value of the parameter
-        ``brake`` counts as the nearest multiple.
+        Braking time [s], a multiple of the period; 0 switches it off. Other values of the parameter ``brake``
+        are rounded to the nearest multiple.
     update : float, optional
         Time between two commands [s], a multiple of the period; 0: at every tick.
     period : float, optional
@@ -56,7 +55,7 @@ def speed_controller(
     Raises
     ------
     InputError
-        If a time is negative or no multiple of the period, which must be positive.
+        If a time is negative or not a multiple of the period, or the period is not positive.
 
     Examples
     --------
@@ -69,12 +68,12 @@ def speed_controller(
     positive(f"{name}: period", period)
     whole_ticks(f"{name}: brake", brake, period)
     every = max(1, whole_ticks(f"{name}: update", update, period))
-    length = Signal("brake", "s", "how long it brakes; 0: not at all", start=brake, lower=0.0, nominal=0.1)
+    length = Signal("brake", "s", "braking time; 0: no braking", start=brake, lower=0.0, nominal=0.1)
     tick = Signal("tick", "s", "its period", start=period, lower=0.0, nominal=TICK)
-    held = FAN_SPEED_COMMAND.replace(name="held_command", description="command that holds")
-    last = held.replace(name="last_command", description="command that held at the last tick")
-    wait = Signal("wait", "1", "ticks until the next command is taken", lower=0.0)
-    braked = Signal("braked", "1", "ticks that it has braked so far", lower=0.0)
+    held = FAN_SPEED_COMMAND.replace(name="held_command", description="current command")
+    last = held.replace(name="last_command", description="command at the last tick")
+    wait = Signal("wait", "1", "ticks to the next command", lower=0.0)
+    braked = Signal("braked", "1", "ticks since braking began", lower=0.0)
     backward = Signal("backward", "1", "1 if the last command other than zero was negative", lower=0.0)
     now, braking = held.symbol, braked.symbol > 0
     due = wait.symbol < sp.Rational(1, 2)
@@ -109,15 +108,15 @@ def speed_controller(
 
 @checked
 def fan_motor(*, lag: float = 0.0, name: str = "fan_motor") -> Block:
-    """Return the fan's motor under its speed regulator: a lag of the first order.
+    """Return the fan's motor under its speed regulator: a first-order lag.
 
-    K06 holds the speed by a PI regulator with an encoder, so that neither battery nor load change it, but
-    gives neither its gains nor how fast it is; its simulation has no lag, the default here.
+    K06 regulates the speed by a PI controller with an encoder, against changes of battery and load. It gives
+    neither gains nor a settling time, and its simulation has no lag, the default here.
 
     Parameters
     ----------
     lag : float, optional
-        Time constant [s]; 0 for a motor that follows at once.
+        Time constant [s]; 0: no lag.
     name : str, optional
 
     Returns

@@ -1,4 +1,4 @@
-"""Calibration tables of a fan behind a rudder: what they must be, and the files they come from."""
+"""Calibration tables of a fan with a rudder behind it: their rules and their files."""
 
 from __future__ import annotations
 
@@ -34,9 +34,10 @@ class FanTable:
     Parameters
     ----------
     name : str
-        What error lines call it: its file.
+        Name in messages: its file.
     over : {"force", "speed"}
-        What the columns are: forces [N], then entries are fan speeds [RPM]; or fan speeds, entries forces.
+        Quantity of the columns: forces [N], with fan speeds [RPM] as entries, or fan speeds, with forces as
+        entries.
     rudder : array_like, shape (n,)
         Rudder angles [degree] of the rows.
     columns : array_like, shape (m,)
@@ -48,7 +49,7 @@ class FanTable:
     ------
     InputError
         If an axis is not regular and increasing, the shape does not fit, a number is missing, or entries
-        fall along a row; the line names table, row and column, counted as in a file: with the axes.
+        fall along a row. The message names table, row and column, counted as in the file.
 
     Examples
     --------
@@ -92,7 +93,7 @@ class FanTable:
 
     def _need_regular(self, what: str, place: str, axis: Floats) -> None:
         if axis.ndim != 1 or len(axis) < 2:
-            raise InputError(f"{self.name}: expected two {what} at least, found {axis.size}")
+            raise InputError(f"{self.name}: expected two or more {what}, found {axis.size}")
         steps = np.diff(axis)
         first = steps[0]
         bad = np.flatnonzero(~(np.abs(steps - first) <= 1e-6 * abs(first))) if first > 0 else np.array([0])
@@ -142,7 +143,7 @@ class FanTable:
 
 @checked
 def read_fan_table(path: str | Path) -> FanTable:
-    r"""Read a table that a user measured in place of the stand-in.
+    r"""Read a measured table, in place of the stand-in.
 
     Parameters
     ----------
@@ -157,8 +158,8 @@ def read_fan_table(path: str | Path) -> FanTable:
     Raises
     ------
     InputError
-        If the file is not there, a cell is no number, a row is too short or too long, or the table is not
-        regular or falls along a row; the line names file, row and column.
+        If the file does not exist, a cell is not a number, a row is too short or too long, or the table is
+        not regular or falls along a row. The message names file, row and column.
 
     Examples
     --------
@@ -215,7 +216,7 @@ class ServoTable:
     Raises
     ------
     InputError
-        If they are not; the line names table and entry.
+        If they are not monotone; the message names table and entry.
 
     Examples
     --------
@@ -234,7 +235,7 @@ class ServoTable:
             object.__setattr__(self, key, np.array(getattr(self, key), dtype=float))
         if self.pulse.ndim != 1 or self.pulse.shape != self.angle.shape or len(self.pulse) < 2:
             raise InputError(
-                f"{self.name}: expected as many angles as pulses, two at least, found "
+                f"{self.name}: expected two or more pulses and as many angles, found "
                 f"{self.pulse.size} pulses and {self.angle.size} angles"
             )
         sign = 1.0 if self.angle[-1] > self.angle[0] else -1.0

@@ -1,4 +1,4 @@
-"""The fan's lookup tables: speed for a wanted force, and force of a speed.
+"""The fan's lookup tables: speed of a force, and force of a speed.
 
 K06's LUT and RLUT (6.1.1) [K06 fig 6.5].
 """
@@ -34,20 +34,17 @@ from hovercontrol.hardware.actuators.tables import FanTable
 from hovercontrol.models.model import RUDDER, THRUST
 
 _SPEED_UNIT = Signal("speed_unit", "rad/s", "one RPM of the table", start=RPM, nominal=RPM)
-_FORCE_UNIT = Signal(
-    "force_unit", "N", "one newton of the table; more: the fan is stronger than that", start=1.0
-)
+_FORCE_UNIT = Signal("force_unit", "N", "one newton of the table; larger for a stronger fan", start=1.0)
 
 
 @checked
 def thrust_lookup(
     *, table: FanTable | None = None, period: float = TICK, name: str = "thrust_lookup"
 ) -> Block:
-    """Return the lookup of the fan's speed for a wanted force at a rudder angle.
+    """Return the lookup of the fan's speed for a commanded force at a rudder angle.
 
-    Between entries it interpolates bilinearly; outside the table the border is taken, which is K06's
-    saturation of the actuators ("clipped to their maximum values"), and the ticks at which that happens are
-    counted.
+    Between entries it interpolates bilinearly; outside the table it takes the border value, which is K06's
+    saturation of the actuators ("clipped to their maximum values"), and counts these ticks.
 
     Parameters
     ----------
@@ -116,14 +113,14 @@ def thrust_force(
     offset: float = RUDDER_OFFSET,
     name: str = "thrust_force",
 ) -> Block:
-    """Return the force that fan and rudder really make: the reverse table, and (4.3) backwards.
+    """Return the force of fan and rudder, by the inverse table and the inverse of (4.3).
 
-    Its outputs are what a rudder craft's plant takes. Outside the table the border is taken.
+    Its outputs are the inputs of a rudder craft's plant. Outside the table it takes the border value.
 
     Parameters
     ----------
     table : FanTable, optional
-        Over speeds. Default: the reverse one of :func:`~hovercontrol.hardware.actuators.k06.fan_tables`, a
+        Over speeds. Default: the inverse one of :func:`~hovercontrol.hardware.actuators.k06.fan_tables`, a
         stand-in.
     slope, offset : float, optional
         Of (4.3), as for :func:`~hovercontrol.hardware.actuators.rudder_lookup`.

@@ -1,4 +1,4 @@
-"""Calibration of the actuators: from bench data to coefficients with errors, and to lookup tables (K06 4.3).
+"""Calibration of the actuators: coefficients with errors and lookup tables from bench data (K06 4.3).
 
 Fits come as :class:`Fit`: coefficients, standard errors, residuals, ``.plot()``.
 """

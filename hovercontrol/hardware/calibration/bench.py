@@ -1,4 +1,4 @@
-"""From a bench's measurements to the fan's lookup tables, as K06 made its own (4.3.2)."""
+"""The fan's lookup tables from bench measurements, by K06's method (4.3.2)."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ COLUMNS = ("rudder_deg", "speed_rpm", "force_N")
 @checked
 @dataclass(frozen=True, eq=False)
 class FanCalibration:
-    """The tables that a bench gives, and the fits behind them.
+    """Lookup tables from bench measurements, and the fits behind them.
 
     Attributes
     ----------
     thrust : dict of float to Fit
         Quadratic of the forward thrust, by rudder angle [degree].
     ratio : Fit
-        Cubic of reverse by forward thrust.
+        Cubic of the ratio of reverse to forward thrust.
     lookup, reverse : FanTable
         Speeds [RPM] over forces, and forces [N] over speeds.
 
@@ -64,7 +64,7 @@ class FanCalibration:
 
     @property
     def tables(self) -> tuple[FanTable, FanTable]:
-        """Both tables, as :func:`~hovercontrol.hardware.actuators.actuators` takes them."""
+        """Both tables, the argument of :func:`~hovercontrol.hardware.actuators.actuators`."""
         return self.lookup, self.reverse
 
     def to_csv(self, folder: str | Path) -> tuple[Path, Path]:
@@ -73,7 +73,7 @@ class FanCalibration:
         Parameters
         ----------
         folder : path
-            Made if it is not there.
+            Created if missing.
         """
         where = Path(folder)
         return (
@@ -82,7 +82,7 @@ class FanCalibration:
         )
 
     def plot(self) -> Figure:
-        """Draw thrust and fit for each rudder angle, below them what the fits leave.
+        """Draw thrust and fit for each rudder angle, and the residuals below.
 
         Returns
         -------
@@ -109,7 +109,7 @@ class FanCalibration:
 
 @checked
 def read_fan_bench(path: str | Path) -> tuple[Floats, Floats, Floats]:
-    r"""Read a bench's measurements.
+    r"""Read bench measurements.
 
     Parameters
     ----------
@@ -125,7 +125,7 @@ def read_fan_bench(path: str | Path) -> tuple[Floats, Floats, Floats]:
     Raises
     ------
     InputError
-        If the file is not there, a column is missing (the nearest is named) or a cell is no number.
+        If the file does not exist, a column is missing or a cell is not a number.
 
     Examples
     --------
@@ -165,19 +165,19 @@ def thrust_table_from_bench(
     highest: float = HIGHEST_SPEED,
     step: float = SPEED_STEP,
 ) -> FanCalibration:
-    """Make both lookup tables from a bench's measurements, in K06's way.
+    """Return both lookup tables from bench measurements, by K06's method.
 
     Forward thrust is fitted by a quadratic for each rudder angle; between two angles the coefficients are
-    interpolated, outside them those of the last angle hold. Reverse thrust, measured at rudder 0 only, is a
-    cubic ratio times the forward thrust (4.4); outside the measured speeds the ratio of the end holds. Below
-    the lowest speed the force falls with the square of the speed.
+    interpolated, outside the measured angles they are constant. Reverse thrust, measured at rudder 0 only, is
+    a cubic ratio times the forward thrust (4.4); outside the measured speeds the ratio is constant.
+    Below the lowest speed the force falls with the square of the speed.
 
     Parameters
     ----------
     rudder, speed, force : array_like, shape (n,)
         Rudder angle [degree], fan speed [RPM] and force [N]; speed and force negative in reverse.
     name : str, optional
-        What error lines call the bench.
+        Name of the bench in messages.
     rows, columns : array_like, optional
         The table's rudder angles [degree] and forces [N].
     lowest, highest, step : float, optional
@@ -191,7 +191,8 @@ def thrust_table_from_bench(
     ------
     InputError
         If there are too few measurements at an angle or in reverse, forward thrust was not measured at rudder
-        0, a fitted force does not grow with the speed, or an axis is no row of numbers; the line says where.
+        0, a fitted force does not grow with the speed, or an axis is not a row of numbers. The message says
+        where.
 
     Examples
     --------
@@ -212,9 +213,7 @@ def thrust_table_from_bench(
         if (here := ahead & (angle == a)).any()
     }
     if 0.0 not in thrust:
-        raise InputError(
-            f"{name}: expected forward thrust at rudder 0, which reverse thrust is compared with"
-        )
+        raise InputError(f"{name}: expected forward thrust at rudder 0, the reference of reverse thrust")
     _need_growth(name, thrust, lowest, highest)
     astern = (n < 0) & (angle == 0.0)
     forward = np.polyval(thrust[0.0].values, -n[astern] / 1e3)

@@ -19,7 +19,7 @@ def fit_thrust(
     Parameters
     ----------
     speed : array_like, shape (n,)
-        [RPM]; where only the command of a motor is known, that, with its `unit`.
+        [RPM], or the command of a motor, with its `unit`.
     force : array_like, shape (n,)
         [N]
     title : str, optional
@@ -54,7 +54,7 @@ def fit_rudder(force_angle: ArrayLike, rudder: ArrayLike) -> Fit:
     Parameters
     ----------
     force_angle : array_like, shape (n,)
-        phi [degree], K06's hovercraft angle: the craft on its tether turns to it.
+        phi [degree], K06's hovercraft angle, to which a tethered craft turns.
     rudder : array_like, shape (n,)
         Rudder angle [degree].
 
@@ -81,14 +81,14 @@ def fit_rudder(force_angle: ArrayLike, rudder: ArrayLike) -> Fit:
 
 @checked
 def fit_reverse_ratio(speed: ArrayLike, ratio: ArrayLike) -> Fit:
-    """Fit the cubic of reverse by forward thrust over speed [K06 eq 4.4], x = speed/1000.
+    """Fit the cubic of the thrust ratio, reverse to forward, over speed [K06 eq 4.4], x = speed/1000.
 
     Parameters
     ----------
     speed : array_like, shape (n,)
-        [RPM], its size.
+        Magnitude of the speed [RPM].
     ratio : array_like, shape (n,)
-        Reverse by forward thrust at rudder 0.
+        Ratio of reverse to forward thrust at rudder 0.
 
     Returns
     -------
@@ -106,7 +106,7 @@ def fit_reverse_ratio(speed: ArrayLike, ratio: ArrayLike) -> Fit:
     >>> fit_reverse_ratio(speed, 0.1 + speed / 20e3).names
     ('c3', 'c2', 'c1', 'c0')
     """
-    axes = Axis("speed", "RPM"), Axis("reverse to forward thrust", "1")
+    axes = Axis("speed", "RPM"), Axis("ratio of reverse to forward thrust", "1")
     names = dict.fromkeys(("c3", "c2", "c1", "c0"), "1")
     return fit_polynomial("reverse thrust", speed, ratio, axes, names, scale=1000.0)
 
@@ -122,7 +122,7 @@ def fit_inertia(
 ) -> Fit:
     """Find the moment of inertia in one release test [K06 eq 4.5]: ``J = -d F_Y / r'``.
 
-    The craft is released under a constant force; its yaw rate grows in a line until friction bends it.
+    The craft is released under a constant force; its yaw rate grows linearly until friction matters.
 
     Parameters
     ----------
@@ -138,7 +138,7 @@ def fit_inertia(
     Returns
     -------
     Fit
-        ``inertia`` [kg*m^2], its error by propagation of the slope's, and ``yaw_rate_0`` [rad/s].
+        ``inertia`` [kg*m^2], with the error propagated from the slope, and ``yaw_rate_0`` [rad/s].
 
     Raises
     ------
@@ -185,12 +185,12 @@ def fit_inertia(
 
 @checked
 def mean_inertia(trials: ArrayLike) -> Fit:
-    """Average the inertias of several release tests; the error is that of their spread.
+    """Average the inertias of several release tests; the standard error comes from their spread.
 
     Parameters
     ----------
     trials : array_like, shape (n,)
-        [kg*m^2], two at least.
+        Two or more [kg*m^2].
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""What a calibration finds: coefficients with their standard errors, and what the fit leaves."""
+"""Result of a calibration: coefficients with standard errors, and residuals."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Floats = NDArray[np.float64]
 
 @checked
 class Axis(NamedTuple):
-    """What a number on an axis is: its name and its unit.
+    """Name and unit of an axis.
 
     Examples
     --------
@@ -44,16 +44,16 @@ class Fit:
     ----------
     title : str
     x_axis, y_axis : Axis
-        What was set and what was measured.
+        The quantity that was set and the one that was measured.
     x, y : ndarray (n,)
         The bench data.
     fitted : ndarray (n,)
-        What the fit says at ``x``.
+        Values of the fit at ``x``.
     names, units : tuple of str
         Of the coefficients.
     values : ndarray (k,)
     covariance : ndarray (k, k)
-        Of the coefficients, from the residuals: errors of equal size, independent of each other.
+        Covariance of the coefficients from the residuals, for independent errors of equal size.
 
     Examples
     --------
@@ -78,12 +78,12 @@ class Fit:
 
     @property
     def residuals(self) -> Floats:
-        """Measurement less fit, in the unit of ``y``."""
+        """Measurement minus fit, in the unit of ``y``."""
         return self.y - self.fitted
 
     @property
     def freedom(self) -> int:
-        """Degrees of freedom: measurements less coefficients."""
+        """Degrees of freedom: number of measurements minus number of coefficients."""
         return len(self.y) - len(self.values)
 
     @property
@@ -169,26 +169,26 @@ def fit_polynomial(
     Parameters
     ----------
     title : str
-        What error lines and pictures call it.
+        Title in messages and figures.
     x, y : array_like, shape (n,)
     coefficients : dict of str to str
         Name and unit, the highest power first.
     scale : float, optional
-        The polynomial is one in ``x/scale``.
+        The polynomial has the argument ``x/scale``.
 
     Raises
     ------
     InputError
-        If shapes differ, a number is missing, or there are too few different x to tell the coefficients and
-        their errors.
+        If shapes differ, a number is missing, or there are too few different x for the coefficients and their
+        errors.
     """
     xs, ys = measured(title, x, y)
     degree = len(coefficients) - 1
     different = len(np.unique(xs))
     if different <= degree or len(xs) <= degree + 1:
         raise InputError(
-            f"{title}: expected {degree + 2} measurements at {degree + 1} different {axes[0].name}s at least,"
-            f" found {len(xs)} at {different}"
+            f"{title}: expected {degree + 2} or more measurements at {degree + 1} or more "
+            f"different {axes[0].name}s, found {len(xs)} at {different}"
         )
     design = np.vander(xs / scale, degree + 1)
     values = np.asarray(np.linalg.lstsq(design, ys)[0], dtype=float)
@@ -202,7 +202,7 @@ def fit_polynomial(
 
 
 def measured(title: str, *columns: ArrayLike) -> list[Floats]:
-    """Return columns of measurements as arrays of one length; refuse what is missing.
+    """Return columns of measurements as arrays of equal length, without missing values.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Links between craft and controller: delay lines, delays that vary, packets that get lost."""
+"""Links between craft and controller: delay lines, random delays, lost packets."""
 
 from hovercontrol.core.delay_line import constant_delay
 from hovercontrol.hardware.links.constant import k06_downlink, k06_uplink

@@ -1,4 +1,4 @@
-"""Links whose delay never changes."""
+"""Links with a constant delay."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def k06_downlink(signals: Sequence[Signal], *, name: str = "downlink") -> Block:
     Parameters
     ----------
     signals : sequence of Signal
-        What is sent, in any units.
+        Signals to send, in any units.
     name : str, optional
 
     Examples
@@ -40,7 +40,7 @@ def k06_uplink(signals: Sequence[Signal], *, name: str = "uplink") -> Block:
     Parameters
     ----------
     signals : sequence of Signal
-        What is sent, in any units.
+        Signals to send, in any units.
     name : str, optional
 
     Examples

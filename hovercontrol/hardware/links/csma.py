@@ -1,4 +1,4 @@
-"""Carrier sense multiple access with random backoff: how long a sender waits for a medium that others use."""
+"""Carrier sense multiple access with random backoff: waiting times of a sender on a shared medium."""
 
 from __future__ import annotations
 
@@ -24,24 +24,25 @@ class Csma:
 
     "Each beacon ... initially delays a random number of bytes by uniformly sampling the interval [1,64]. When
     the backoff condition is satisfied, the beacon determines whether the link is in use". K06 does not say
-    what follows where it is: here it draws and waits again, up to so many times, and then gives up. Each
-    time the medium is in use with the same probability, whatever it was before.
+    what follows if it is in use. Here the sender draws and waits again, at most `attempts` times, and then
+    gives up. Each attempt finds the medium in use with the same probability, independently.
 
     Parameters
     ----------
     busy : float
-        Probability that the medium is in use when it is listened to, 0 to 1.
+        Probability that an attempt finds the medium in use, 0 to 1.
     window : int, optional
-        Most bytes of a backoff.
+        Largest backoff [bytes].
     byte : float, optional
-        Time of one byte [s]; K06 prints none, this is that of the 19.2 kbit/s of its beacons' radio, a Mica2.
+        Time of one byte [s]. K06 prints none; the default belongs to 19.2 kbit/s, the radio of its Mica2
+        beacons.
     attempts : int, optional
-        How often it listens before it gives up.
+        Number of attempts before the message is given up.
 
     Raises
     ------
     InputError
-        If a number is out of its range.
+        If a number is out of range.
 
     Examples
     --------
@@ -76,17 +77,16 @@ class Csma:
 
     @property
     def given_up(self) -> float:
-        """Share of the messages that find the medium in use every time, ``q^attempts``."""
+        """Share of messages given up, ``q^attempts``."""
         return float(self.busy**self.attempts)
 
     def distribution(self) -> tuple[Array, Array]:
-        """Return how long messages wait that are sent: exact, from the sums of uniform numbers.
+        """Return the exact distribution of the waiting times of sent messages, from sums of uniform numbers.
 
         Returns
         -------
         seconds, probability : ndarray, shape (window attempts + 1,)
-            Every time [s] there is, and the share of all messages that are sent then; they sum to
-            ``1 - given_up``.
+            All waiting times [s], and the share of messages with each; the shares sum to ``1 - given_up``.
 
         Examples
         --------
@@ -102,7 +102,7 @@ class Csma:
         return np.arange(len(whole)).astype(float) * self.byte, whole
 
     def drawn(self, shares: Sequence[sp.Expr], busy: Signal) -> tuple[sp.Expr, sp.logic.boolalg.Boolean]:
-        """Return the time [s], as a plain number, and whether the message is given up.
+        """Return the waiting time [s], without unit, and whether the message is given up.
 
         Parameters
         ----------

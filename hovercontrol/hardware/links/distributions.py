@@ -1,7 +1,7 @@
-"""Distributions of delays that a Block can draw from: their quantile functions are expressions.
+"""Distributions of delays for Blocks: their quantile functions are expressions.
 
 A delay is drawn by putting a random number between 0 and 1 into the quantile function (inverse transform
-sampling), so that function must be written with what every backend can print.
+sampling), so that function must be an expression that every backend can print.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from hovercontrol.io.tables import number, positive
 
 @runtime_checkable
 class Delays(Protocol):
-    """The delays of a link; all in seconds.
+    """Distribution of the delays of a link, in seconds.
 
     Examples
     --------
@@ -39,7 +39,7 @@ class Delays(Protocol):
         """Longest delay [s]."""
 
     def quantile(self, share: sp.Expr) -> sp.Expr:
-        """Return the delay [s], as a plain number, that this share of all does not exceed."""
+        """Return the quantile of the delays at a share [s], as an expression without unit."""
 
 
 @checked
@@ -48,8 +48,8 @@ class BoundedDelays:
     """Delays between two bounds, with a given mean and standard deviation (Kumaraswamy's distribution).
 
     The distribution of z = (delay - least) / (most - least) is ``1 - (1 - z^a)^b``. Like the beta
-    distribution it has two shape parameters, one peak between the bounds and zero density at them (a, b > 1);
-    unlike that, or a truncated normal one, its quantile function is closed:
+    distribution it has two shape parameters, one peak between the bounds and zero density at them (a, b > 1).
+    Unlike the beta and the truncated normal distribution it has a closed quantile function:
     ``z = (1 - (1 - share)^(1/b))^(1/a)`` (P. Kumaraswamy, Journal of Hydrology 46, 1980). Its moments are
     ``E z^n = b B(1 + n/a, b)``, and a and b are solved from the given mean and standard deviation: all four
     numbers hold exactly.
@@ -67,8 +67,8 @@ class BoundedDelays:
     Raises
     ------
     InputError
-        If the bounds are negative or not in order, the mean is not between them, the standard deviation is
-        not positive or larger than delays between these bounds can have.
+        If the bounds are negative or not in order, the mean is not between them, or the standard deviation is
+        not positive or too large for these bounds.
 
     Examples
     --------
@@ -105,7 +105,7 @@ class BoundedDelays:
         object.__setattr__(self, "shapes", _shapes((self.mean - self.least) / width, self.sd / width))
 
     def quantile(self, share: sp.Expr) -> sp.Expr:
-        """Return the delay [s], as a plain number, that this share of all does not exceed."""
+        """Return the quantile of the delays at a share [s], as an expression without unit."""
         a, b = self.shapes
         z = (1 - (1 - share) ** (1 / b)) ** (1 / a)
         return self.least + (self.most - self.least) * z

@@ -1,4 +1,4 @@
-"""What a craft does whose commands have stopped coming."""
+"""Failsafe of a craft whose commands are lost."""
 
 from __future__ import annotations
 
@@ -23,27 +23,27 @@ def failsafe(
     suffix: str = "_received",
     name: str = "failsafe",
 ) -> Block:
-    """Return what passes commands on while they are fresh, and else the signals' start values: at rest.
+    """Return a switch that passes fresh commands, and replaces old ones by their start values (at rest).
 
-    K06's craft has a safety pilot's receiver besides its link (section 5.2); K06 prints no waiting time.
+    K06's craft has a second receiver for a safety pilot (section 5.2); K06 prints no timeout.
 
     Parameters
     ----------
     signals : sequence of Signal
-        Commands; their start values are those at rest.
+        Commands; their start values are the commands at rest.
     age : str
-        Name of the link's output that tells how old the commands are [s].
+        Name of the link's output with the age of the commands [s].
     timeout : float, optional
-        Age from which on they count as lost [s]; a parameter.
+        Age at which commands count as lost [s]; a parameter.
     incoming, suffix : str, optional
-        Of the names before it and behind it.
+        Suffixes of the names of inputs and outputs.
     name : str, optional
 
     Returns
     -------
     Block
-        Without states. Inputs the commands as they come and their age; outputs the commands to be obeyed and
-        ``<name>_on``, 1 where they are those at rest. What is not zero at rest is a parameter.
+        Without states. Inputs: the received commands and their age. Outputs: the commands to apply and
+        ``<name>_on``, 1 while they are the commands at rest. Nonzero values at rest are parameters.
 
     Raises
     ------
@@ -57,12 +57,16 @@ def failsafe(
     [[1.5, 0.0], [0.0, 1.0]]
     """
     signals = passed_through(name, signals, suffix)
-    old = Signal(age, "s", "how old the commands are")
+    old = Signal(age, "s", "age of the commands")
     longest = Signal(
-        "timeout", "s", "age of lost commands", start=positive(f"{name}: timeout", timeout), lower=0.0
+        "timeout",
+        "s",
+        "age at which commands count as lost",
+        start=positive(f"{name}: timeout", timeout),
+        lower=0.0,
     )
     fresh = old.symbol < longest.symbol
-    on = Signal(f"{name}_on", "1", "1 where commands are those at rest", lower=0.0, upper=1.0)
+    on = Signal(f"{name}_on", "1", "1 while the commands are those at rest", lower=0.0, upper=1.0)
     heard = [s.replace(name=s.name + incoming) for s in signals]
     rest = {
         s.name: s.replace(name=f"rest_{s.name}", description=f"{s.name} at rest") for s in signals if s.start

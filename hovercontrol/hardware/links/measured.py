@@ -1,4 +1,4 @@
-"""Delays that a user has measured, as a distribution that a link draws from."""
+"""Measured delays as a distribution for a link."""
 
 from __future__ import annotations
 
@@ -37,28 +37,27 @@ FEWEST = 20
 @checked
 @dataclass(frozen=True, eq=False)
 class MeasuredDelays:
-    """Delays drawn as they were measured: a quantile function of straight pieces.
+    """Distribution of measured delays, with a piecewise linear quantile function.
 
-    The knots are the best there are in the least squares, so that rare long delays and the steps that
-    retransmissions make are kept. Those between the bounds are then scaled and moved a little,
-    so that mean and standard deviation are those measured, unless that would take them over the bounds
-    (they are then about a percent off); least and most are so by themselves.
+    The knots are the least-squares optimum, which keeps rare long delays and the steps of retransmissions.
+    The inner knots are then scaled and shifted slightly, so that mean and standard deviation equal the
+    measured ones. If that would exceed the bounds, it is left out, with errors of about 1 %. Shortest and
+    longest delay are exact.
 
     Parameters
     ----------
     samples : array_like, shape (n,)
-        Measured delays [s], at least 20 and not all alike; kept in ascending order.
+        Measured delays [s], at least 20 and not all equal; stored in ascending order.
 
     Attributes
     ----------
     shares, knots : ndarray, shape (n_knots,)
-        Which share of all delays does not exceed which delay [s]; of two knots at one share the function
-        jumps.
+        Points of the quantile function: share and delay [s]. Two knots at one share are a jump.
 
     Raises
     ------
     InputError
-        If there are too few samples, they are all alike, or one is negative or not finite.
+        If there are too few samples, all are equal, or one is negative or not finite.
 
     Examples
     --------
@@ -79,7 +78,7 @@ class MeasuredDelays:
             raise InputError("delays: expected finite numbers that are not negative")
         if len(samples) < FEWEST or samples[0] == samples[-1]:
             raise InputError(
-                f"delays: expected at least {FEWEST} that are not all alike, found {len(samples)}"
+                f"delays: expected at least {FEWEST} that are not all equal, found {len(samples)}"
                 + (f", all {samples[0]:g} s: give that one delay" if len(samples) >= FEWEST else "")
             )
         object.__setattr__(self, "samples", samples)
@@ -108,7 +107,7 @@ class MeasuredDelays:
         return float(self.knots[-1])
 
     def quantile(self, share: sp.Expr) -> sp.Expr:
-        """Return the delay [s], as a plain number, that this share of all does not exceed."""
+        """Return the quantile of the delays at a share [s], as an expression without unit."""
         lines = []
         for start, end, low, high in zip(
             *(row.tolist() for row in (self.shares[:-1], self.shares[1:], self.knots[:-1], self.knots[1:])),
@@ -119,7 +118,7 @@ class MeasuredDelays:
         return sp.Piecewise(*lines[:-1], (lines[-1][0], True))
 
     def plot(self) -> Figure:
-        """Return a figure: how many delays were measured in each span, and how many a link draws there."""
+        """Return a figure: histogram of the measured delays, and the expected counts of a link."""
         from matplotlib.figure import Figure
 
         count = min(80, len(self.samples) // 10 + 5, len(np.unique(self.samples)))
@@ -134,7 +133,7 @@ class MeasuredDelays:
             color="0.8",
             label=f"measured, {len(self.samples)} delays",
         )
-        ax.stairs(drawn, 1000 * edges, color="tab:blue", label="expected of a link that draws from these")
+        ax.stairs(drawn, 1000 * edges, color="tab:blue", label="expected counts of a link")
         numbers = (1000 * value for value in (self.mean, self.sd, self.least, self.most))
         ax.set_title("mean {:.4g}, sd {:.4g}, {:.4g} to {:.4g} ms".format(*numbers), fontsize="small")
         ax.set(xlabel="delay [ms]", ylabel="messages [1]")
@@ -157,8 +156,8 @@ def read_delays(path: str | Path, column: str = "delay", *, scale: float = 1.0) 
     Raises
     ------
     InputError
-        If the file or the column is not there, a row holds no finite number or a negative one, or as for
-        :class:`MeasuredDelays`; the line names the file.
+        If the file or the column does not exist, a delay is negative or not finite, or as for
+        :class:`MeasuredDelays`. The message names the file.
 
     Examples
     --------
@@ -187,7 +186,7 @@ def read_delays(path: str | Path, column: str = "delay", *, scale: float = 1.0) 
 
 
 def _corners(samples: Array) -> tuple[Array, Array]:
-    """Return shares and delays where the straight pieces meet: the least squares of all such choices."""
+    """Return shares and delays of the knots: the least-squares optimum of all choices."""
     shares, delays = _candidates(samples)
     cost = _costs(samples, shares, delays)
     best, total, before = np.full(len(shares), np.inf), [], []
@@ -205,7 +204,7 @@ def _corners(samples: Array) -> tuple[Array, Array]:
 
 
 def _candidates(samples: Array) -> tuple[Array, Array]:
-    """Return points of the measured quantile function, which has a step for each delay: ends and middles."""
+    """Return the ends and middles of the steps of the measured quantile function, candidates for knots."""
     values, counts = np.unique(samples, return_counts=True)
     high = np.cumsum(counts) / len(samples)
     low = np.r_[0.0, high[:-1]]
@@ -220,12 +219,12 @@ def _candidates(samples: Array) -> tuple[Array, Array]:
 
 
 def _costs(samples: Array, x: Array, y: Array) -> Array:
-    """Return the integral of the square error of the straight piece from each candidate to each later one."""
+    """Return the integrated squared error of the line from each candidate to each later one."""
     steps, edges = samples - samples.mean(), np.arange(len(samples) + 1) / len(samples)
     y = y - samples.mean()
 
     def integral(of: Array, over: Array) -> Array:
-        """Return that of steps, from 0 to each candidate: inside a step it is linear in `over`."""
+        """Return the integral of steps from 0 to each candidate; inside a step it is linear in `over`."""
         return np.interp(over, grid, np.r_[0.0, np.cumsum(of * np.diff(grid))])
 
     grid = edges
@@ -242,7 +241,7 @@ def _costs(samples: Array, x: Array, y: Array) -> Array:
 
 
 def _moments(shares: Array, knots: Array) -> tuple[float, float]:
-    """Return mean and standard deviation, exact for straight pieces."""
+    """Return mean and standard deviation, exact for a piecewise linear quantile function."""
     weights, low, high = np.diff(shares), knots[:-1], knots[1:]
     mean = float(weights @ (low + high) / 2)
     low, high = low - mean, high - mean
@@ -250,7 +249,7 @@ def _moments(shares: Array, knots: Array) -> tuple[float, float]:
 
 
 def _matched(shares: Array, knots: Array, samples: Array) -> Array:
-    """Return the knots, the inner ones scaled and moved so that mean and standard deviation are right."""
+    """Return the knots, the inner ones scaled and shifted to match mean and standard deviation."""
     wanted = np.array([samples.mean(), samples.std()])
     inner = (knots > knots[0]) & (knots < knots[-1])
 

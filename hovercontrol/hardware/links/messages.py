@@ -1,8 +1,8 @@
-"""Messages under way: a register of those sent last, each with its values, when it was sent and will arrive.
+"""Messages in transit: a shift register with values, time of sending and time of arrival.
 
-When one is sent, all move one place on and it enters. The receiver knows their sequence numbers: it shows the
-newest that has arrived, and throws away what arrives after a newer one. All times are whole numbers of ticks,
-so that nothing is rounded.
+A new message enters at the first place and the others move on. The receiver knows the sequence numbers: it
+shows the newest message that has arrived, and discards a message that arrives after a newer one. All times
+are whole numbers of ticks, so there is no rounding.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ NEVER = 2**50
 
 
 def received(signal: Signal, suffix: str) -> Signal:
-    """Return a signal as it is called behind the link."""
+    """Return a signal under its name after the link."""
     return signal.replace(
         name=signal.name + suffix, description=f"{signal.description or signal.name}, received"
     )
@@ -32,18 +32,18 @@ def received(signal: Signal, suffix: str) -> Signal:
 
 @dataclass
 class Transmission:
-    """What happens to the message that is sent at a tick.
+    """Fate of the message sent at a tick: delay and loss.
 
     Parameters
     ----------
     wait : sympy.Expr
-        Ticks until it arrives, not negative.
+        Ticks to arrival, not negative.
     longest : int
-        Most ticks that can be.
+        Upper bound of `wait`.
     lost : sympy Boolean, optional
-        That it never arrives.
+        Condition under which the message is lost.
     states, following, definitions, parameters
-        Of the Block, that `wait` and `lost` stand on.
+        Parts of the Block on which `wait` and `lost` depend.
     """
 
     wait: sp.Expr
@@ -56,16 +56,16 @@ class Transmission:
 
 
 class MessageLink:
-    """The states, definitions and outputs of a link, as they are put together.
+    """States, definitions and outputs of a link during its construction.
 
     Parameters
     ----------
     name : str
-        Of the Block, and the prefix of its own names.
+        Name of the Block and prefix of its names.
     every : fractions.Fraction
         Ticks from message to message, at least 1.
     gate : Signal, optional
-        Input that lets messages go while it is positive.
+        Input that enables sending while it is positive.
     """
 
     def __init__(
@@ -77,10 +77,10 @@ class MessageLink:
         self.lost, self.longest = transmission.lost, transmission.longest
         self.order = Signal("in_order", "1", "1: a message waits for the one before it", lower=0.0, upper=1.0)
         self.parameters = [*transmission.parameters, self.order]
-        self.now = self._state("ticks", "ticks so far")
+        self.now = self._state("ticks", "number of ticks")
         self.following[self.now.name] = self.now + 1
         # Exact for any two periods: counted in fractions of a tick that divide both.
-        due = self._state("due", "until the next message is sent, in fractions of a tick")
+        due = self._state("due", "time to the next message, in ticks")
         self.sending = due <= 0 if gate is None else sp.And(due <= 0, gate.symbol > 0)
         again = sp.Piecewise((every.numerator, due <= 0), (0, True))
         self.following[due.name] = due - every.denominator + again
@@ -91,14 +91,14 @@ class MessageLink:
         return signal.symbol
 
     def count(self, key: str, description: str, more: sp.Expr) -> Signal:
-        """Return a counter, which already has what this tick adds."""
-        before = self._state(f"{key}_before", f"{description}, before this tick")
+        """Return a counter, including this tick."""
+        before = self._state(f"{key}_before", f"{description}, at the last tick")
         self.following[before.name] = self.definitions(f"{self.name}_{key}", before + more)
         return Signal(f"{self.name}_{key}", "1", description)
 
     def arrival(self) -> sp.Expr:
-        """Return at which tick the message that is sent now arrives."""
-        latest = self._state("latest", "tick at which the last of the messages so far arrives")
+        """Return the tick of arrival of the message sent now."""
+        latest = self._state("latest", "latest tick of arrival of the messages sent")
         soonest = sp.Max(self.now + self.wait, self.order.symbol * latest)
         tick = self.definitions(f"{self.name}_arrival", soonest)
         goes = sp.And(self.sending, sp.Not(self.lost))
@@ -106,7 +106,7 @@ class MessageLink:
         return sp.Piecewise((NEVER, self.lost), (tick, True))
 
     def register(self, signal: Signal, entering: sp.Expr) -> list[sp.Symbol]:
-        """Return one thing of every message under way, the newest first, with what is sent now."""
+        """Return one field of all messages in transit, newest first, including the one sent now."""
         # The message k places on is floor(k every) ticks old or more; none that may still arrive falls out.
         count = math.ceil((self.longest + 1) / self.every)
         places = [signal.replace(name=f"{signal.name}_place{k}") for k in range(count)]
@@ -119,7 +119,7 @@ class MessageLink:
         return line
 
     def newest(self, signal: Signal, line: Sequence[sp.Symbol], arrived: Sequence[sp.Expr]) -> sp.Symbol:
-        """Return the newest that has arrived, or what was shown before; `signal` is that at the start."""
+        """Return the newest arrived value, else the last output; `signal` at the start."""
         held = signal.replace(name=f"{signal.name}_held")
         self.states.append(held)
         chain = (*zip(line, arrived, strict=True), (held.symbol, True))
@@ -137,8 +137,8 @@ class MessageLink:
         for s in signals:
             outputs.append(received(s, suffix))
             told[s.name + suffix] = self.newest(s, self.register(s, s.symbol), arrived)
-        step = fixed("tick", tick, "from tick to tick")
-        age = Signal(f"{self.name}_age", "s", "how long ago the message received was sent")
+        step = fixed("tick", tick, "time between ticks")
+        age = Signal(f"{self.name}_age", "s", "age of the received message")
         told[age.name] = (self.now - sp.Max(shown, 0)) * step.symbol
         fresh = sp.Piecewise((1, shown > sp.Symbol(f"{first.name}_held", real=True)), (0, True))
         come = sp.Add(*(sp.Piecewise((1, sp.Eq(at, self.now)), (0, True)) for at in arrivals))
@@ -147,8 +147,8 @@ class MessageLink:
         counters = [
             self.count("messages", "messages sent", one),
             self.count("delivered", "messages received", fresh),
-            self.count("stale", "messages thrown away as a newer one had arrived", come - fresh),
-            self.count("lost", "messages given up after the last retransmission", gone),
+            self.count("stale", "messages discarded after a newer one", come - fresh),
+            self.count("lost", "messages lost after the last retransmission", gone),
         ]
         return Block(
             self.name,

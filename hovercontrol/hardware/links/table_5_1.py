@@ -1,4 +1,4 @@
-"""K06's measured Bluetooth delays (table 5.1), as distributions that a link draws from."""
+"""K06's measured Bluetooth delays (table 5.1), as distributions for a link."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ TABLE_5_1: dict[str, tuple[float, float, float, float]] = {
 
 @checked
 def bluetooth_delays(name: str) -> BoundedDelays:
-    """Return the delays of one row of K06's table 5.1; they are whole milliseconds there.
+    """Return the distribution of the delays in one row of K06's table 5.1 (whole milliseconds).
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ def bluetooth_delays(name: str) -> BoundedDelays:
     Raises
     ------
     InputError
-        If there is no such row; the nearest is named.
+        If there is no such row; the message names the nearest one.
 
     Examples
     --------

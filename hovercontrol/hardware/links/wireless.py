@@ -1,4 +1,4 @@
-"""Wireless links: messages that take their time, differ in it, overtake each other and get lost."""
+"""Wireless links: messages with random delays, which may overtake each other and get lost."""
 
 from __future__ import annotations
 
@@ -38,39 +38,39 @@ def empirical_delay(
     suffix: str = "_received",
     name: str = "link",
 ) -> Block:
-    """Return a link on which every message has its own delay.
+    """Return a link with a random delay for each message.
 
     Parameters
     ----------
     signals : sequence of Signal
-        What each message holds.
+        Content of each message.
     delays : Delays or float
-        What delays are drawn from, as :func:`~hovercontrol.hardware.links.table_5_1.bluetooth_delays`, or
-        one delay for all [s]. They are rounded to whole ticks, as K06's are to milliseconds.
+        Distribution of the delays, for example
+        :func:`~hovercontrol.hardware.links.table_5_1.bluetooth_delays`, or one constant delay [s]. Delays are
+        rounded to whole ticks, as K06's are to milliseconds.
     period : float
-        From message to message [s]: at the first tick from each multiple on, the inputs are sent as they are.
+        Time between two messages [s]: the inputs are sent at the first tick at or after each multiple.
     access : Csma, optional
-        How each message waits for a medium that others use, too, before its delay begins; those given up are
-        lost.
+        Waiting time for a shared medium before the delay begins; messages given up are lost.
     tick : float, optional
         Period of the receiver and of the Block [s].
     seed : int, optional
-        Start value of the parameter ``seed``; links of different names differ even so.
+        Start value of the parameter ``seed``. Links with different names draw different numbers.
     suffix : str, optional
-        Of the outputs' names.
+        Suffix of the outputs' names.
     name : str, optional
 
     Returns
     -------
     Block
-        Sampled. Inputs `signals`; outputs the same with the suffix, as the newest message holds that has
-        arrived (before the first: start values), and ``<name>_age`` [s], how long ago that was sent;
-        and counters: ``<name>_messages`` sent, ``<name>_delivered``, ``<name>_stale`` (thrown away, as a
-        newer one had arrived) and ``<name>_lost``. The rest is under way.
+        Sampled. Inputs `signals`. Outputs: the same with the suffix, from the newest message that has arrived
+        (start values before the first), its age ``<name>_age`` [s], and the counters ``<name>_messages``
+        (sent), ``<name>_delivered``, ``<name>_stale`` (discarded after a newer one) and ``<name>_lost``. The
+        remaining messages are in transit.
 
         Parameters: ``delay_scale`` (0: no delay, 1: all), ``in_order`` (1: the link keeps the order, as a
-        serial line over Bluetooth does; a message then waits for the one before it) and, where delays
-        differ, ``jitter`` (0: all are the mean) and ``seed``; of the medium access ``busy``.
+        serial line over Bluetooth does; a message waits for its predecessor) and, where delays differ,
+        ``jitter`` (0: all delays are the mean) and ``seed``; of the medium access ``busy``.
 
     Raises
     ------
@@ -107,35 +107,35 @@ def lossy_link(
     suffix: str = "_received",
     name: str = "link",
 ) -> Block:
-    """Return a link whose transmissions get lost, each with the same probability, and are repeated.
+    """Return a link whose transmissions are lost with a given probability and repeated.
 
-    K06 5.3.2-5.3.3: a packet that fails its check is sent again until it comes through or is given up.
+    K06 5.3.2-5.3.3: a corrupted packet is sent again until it arrives or is given up.
 
     Parameters
     ----------
     signals, delays, period, access, tick, seed, suffix, name
-        As for :func:`empirical_delay`; without `delays` what is not lost arrives at once.
+        As for :func:`empirical_delay`; without `delays` messages arrive at once.
     loss : float
         Probability that a transmission is lost, 0 to below 1.
     retransmissions : int, optional
-        How often a message is sent again at most; then it is given up.
+        Largest number of retransmissions of a message; then it is given up.
     timeout : float, optional
-        From a lost transmission to the next [s]; positive if there are retransmissions.
+        Time from a lost transmission to the next [s]; positive if there are retransmissions.
     gate : Signal, optional
-        A further input that switches the sender on, 1, or off, 0: messages due meanwhile are not sent, K06's
-        "TX Enb" (K06 figure 5.2).
+        Input that switches the sender on (1) or off (0); messages due while it is off are not sent. K06's "TX
+        Enb" (K06 figure 5.2).
 
     Returns
     -------
     Block
-        As of :func:`empirical_delay`, with one more parameter, ``loss``. A message that is going to be given
-        up counts as lost when it is first sent.
+        As of :func:`empirical_delay`, with the further parameter ``loss``. A message that will be given up
+        counts as lost when it is first sent.
 
     Raises
     ------
     InputError
-        As there, and if the probability is not in [0, 1), `retransmissions` no whole number from 0 on, or the
-        timeout negative, or zero although there are retransmissions.
+        As for :func:`empirical_delay`, and if `loss` is not in [0, 1), `retransmissions` is not a whole
+        number from 0 on, or the timeout is negative, or zero with retransmissions.
 
     Examples
     --------
@@ -187,13 +187,20 @@ def _transmission(
     repeat: tuple[float, int, float] | None,
     access: Csma | None,
 ) -> Transmission:
-    """Return how long a message takes, and whether it gets lost."""
-    scale = Signal("delay_scale", "1", "share of the delays, 0: none", start=1.0, lower=0.0, upper=1.0)
+    """Return the delay of a message, and whether it is lost."""
+    scale = Signal("delay_scale", "1", "factor of the delays; 0: no delay", start=1.0, lower=0.0, upper=1.0)
     parameters, drawn = [scale], repeat is not None or access is not None
     differ, waits = isinstance(delays, Delays), 2 * access.attempts if access else 0
     noise = random_numbers(1 + differ + waits, salt=name, kind="uniform", seed=seed)
     if isinstance(delays, Delays):
-        jitter = Signal("jitter", "1", "share of the spread about the mean", start=1.0, lower=0.0, upper=1.0)
+        jitter = Signal(
+            "jitter",
+            "1",
+            "factor of the spread about the mean; 0: constant delay",
+            start=1.0,
+            lower=0.0,
+            upper=1.0,
+        )
         parameters.append(jitter)
         seconds = delays.mean + jitter.symbol * (delays.quantile(noise.values[1]) - delays.mean)
         longest, drawn = delays.most, True
@@ -201,7 +208,7 @@ def _transmission(
         seconds = longest = not_negative(f"{name}: delay (or a distribution of delays)", delays)
     lost: list[sp.Basic] = []
     if access is not None:
-        use = Signal("busy", "1", "probability of a medium in use", access.busy, lower=0.0, upper=1.0)
+        use = Signal("busy", "1", "probability that the medium is in use", access.busy, lower=0.0, upper=1.0)
         parameters.append(use)
         waited, given_up = access.drawn(noise.values[-waits:], use)
         seconds, longest = seconds + waited, longest + access.most

@@ -4,9 +4,9 @@
   :mod:`.gyro`: the gyro's dynamics and their compensation
 * :mod:`.magnetometer`: the field and its heading
 * :mod:`.beacons`, :mod:`.ranging`, :mod:`.cone`: ultrasonic ranges and their correction; :mod:`.bancroft`,
-  :mod:`.cricket`, :mod:`.two_units`: positions of them, and the heading of two units
-* :mod:`.mocap`: motion capture; :mod:`.poor_view`: a part of the floor that it sees badly
-* :mod:`.arrivals`: for readers faster than a sensor
+  :mod:`.cricket`, :mod:`.two_units`: positions from ranges, and the heading from two units
+* :mod:`.mocap`: motion capture; :mod:`.poor_view`: a part of the floor with poor measurements
+* :mod:`.arrivals`: pulses for readers that are faster than the sensor
 """
 
 from hovercontrol.hardware.sensors.arrivals import arrivals, ranges_by_unit

@@ -1,4 +1,4 @@
-"""What the sensors share: checks of numbers, switches, limits and rounding."""
+"""Shared parts of sensors: checks of numbers, switches, limits and rounding."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def pair(where: str, value: Sequence[float]) -> tuple[float, float]:
 
 
 def size(name: str, unit: str, description: str, where: str, value: float) -> Signal:
-    """Return a parameter that is not negative; 0 switches off what it stands for."""
+    """Return a parameter that is not negative; 0 switches its error off."""
     start = at_least_zero(f"{where}: {name}", value)
     return Signal(name, unit, description, start=start, nominal=start or 1.0, lower=0.0)
 
@@ -59,18 +59,18 @@ def tick(where: str, period: float) -> Signal:
 
 
 def limited(value: sp.Expr, limit: sp.Symbol) -> sp.Expr:
-    """Return a value cut at plus and minus a limit; a limit of 0 is none."""
+    """Return a value limited to plus and minus a limit; 0 is no limit."""
     return sp.Piecewise((sp.Max(-limit, sp.Min(limit, value)), limit > 0), (value, True))
 
 
 def rounded(value: sp.Expr, step: sp.Symbol) -> sp.Expr:
-    """Return a value rounded to a multiple of a step; a step of 0 is none."""
+    """Return a value rounded to a multiple of a step; 0 is no rounding."""
     # Mod, not floor(value / step): 1 / step is not computed where the step is 0.
     above = value + step / 2
     return sp.Piecewise((above - sp.Mod(above, step), step > 0), (value, True))
 
 
 def turned(angle: sp.Expr, x: sp.Expr, y: sp.Expr) -> tuple[sp.Expr, sp.Expr]:
-    """Return a vector of the body's axes in the earth's, at a heading."""
+    """Return a vector given in body axes, turned into earth axes at a heading."""
     cos, sin = sp.cos(angle), sp.sin(angle)
     return cos * x - sin * y, sin * x + cos * y

@@ -1,4 +1,4 @@
-"""From a slow sensor to a fast reader: what is held from tick to tick of the slow one arrives once."""
+"""Flags of a slow sensor as single pulses for a faster reader."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ def arrivals(
     period: float = IMU_TICK,
     name: str = "arrivals",
 ) -> Block:
-    """Return what makes one-tick pulses of flags that a slower Block holds.
+    """Return a converter of flags held by a slower Block into pulses of one tick.
 
     A Cricket's ``fix_valid`` is 1 for a whole slot of 100 ms; a filter that ticks every 6.5536 ms must not
-    take that fix fifteen times.
+    use that fix fifteen times.
 
     Parameters
     ----------
@@ -39,13 +39,13 @@ def arrivals(
     Returns
     -------
     Block
-        For each flag an output whose name ends in ``_arrived`` instead: 1 at the first tick that sees it
-        risen.
+        For each flag an output whose name ends in ``_arrived``, 1 at the first tick after the flag has risen.
 
     Raises
     ------
     InputError
-        If there are no flags, one stands twice or does not end in ``_valid``, or the period is not positive.
+        If there are no flags, one is listed twice or does not end in ``_valid``, or the period is not
+        positive.
 
     Examples
     --------
@@ -59,8 +59,11 @@ def arrivals(
     for flag in flags:
         if not flag.endswith(_END):
             raise InputError(f"{name}: a flag's name ends in {_END!r}, found {flag!r}")
-    inputs = [Signal(flag, "1", "1 while there is something new") for flag in flags]
-    outputs = [Signal(f"{flag.removesuffix(_END)}_arrived", "1", "1 at its first tick") for flag in flags]
+    inputs = [Signal(flag, "1", "1 while the measurement is valid") for flag in flags]
+    outputs = [
+        Signal(f"{flag.removesuffix(_END)}_arrived", "1", "1 at the first tick of a measurement")
+        for flag in flags
+    ]
     last = [Signal(f"{flag}_last", "1", "the flag at the last tick") for flag in flags]
     return Block(
         name,
@@ -85,7 +88,7 @@ def ranges_by_unit(
     Parameters
     ----------
     beacons, units : int
-        How many there are; at least one of each.
+        Numbers of beacons and units, at least one of each.
     period : float, optional
         Of the reader [s].
     name : str, optional
@@ -94,7 +97,7 @@ def ranges_by_unit(
     -------
     Block
         Inputs ``range_1...`` [m], ``range_1_heard...`` and ``range_unit``; outputs ``unit_1_range_1`` [m],
-        ``unit_1_range_1_arrived`` (1 at the tick at which it is new) and so on.
+        ``unit_1_range_1_arrived`` (1 at the tick of a new range) and so on.
 
     Raises
     ------
@@ -120,7 +123,7 @@ def ranges_by_unit(
         )
         for rho, there in zip(ranges, heard, strict=True):
             value = rho.replace(name=f"unit_{unit}_{rho.name}", description=f"{rho.description}, unit {unit}")
-            flag = Signal(f"{value.name}_arrived", "1", "1 at the tick at which it is new")
+            flag = Signal(f"{value.name}_arrived", "1", "1 at the tick of a new range")
             told += [value, flag]
             expressions[value.name] = rho.symbol
             fresh = sp.And(now, sp.Not(before), there.symbol > 0)

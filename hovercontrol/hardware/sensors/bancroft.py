@@ -1,4 +1,4 @@
-"""A position from ranges in closed form: Bancroft's method [K06 eq 5.6]; of two ranges, where circles meet.
+"""Positions from ranges in closed form: Bancroft's method [K06 eq 5.6]; from two ranges, by two circles.
 
 S. Bancroft, "An algebraic solution of the GPS equations", IEEE Trans. Aerospace and Electronic Systems 21,
 1985; here in the plane, with beacons at known heights.
@@ -26,24 +26,24 @@ from hovercontrol.hardware.sensors.cone import K06_CONE, cone_signals, correctio
 TOUCHING = 1e-9
 
 #: Tells which unit's ranges there are.
-RANGE_UNIT = Signal("range_unit", "1", "which unit's ranges these are, from 1; 0 for none")
+RANGE_UNIT = Signal("range_unit", "1", "number of the unit with these ranges, from 1; 0: none")
 
 #: The position that was solved last, which tells the two places that two ranges leave apart.
 PREVIOUS = (
-    Signal("previous_x", "m", "position solved last, earth frame"),
-    Signal("previous_y", "m", "position solved last, earth frame"),
-    Signal("previous_known", "1", "1 where there is one"),
+    Signal("previous_x", "m", "last solved position, earth frame"),
+    Signal("previous_y", "m", "last solved position, earth frame"),
+    Signal("previous_known", "1", "1 if there is a last position"),
 )
 
 #: Which of the two places that two beacons leave.
-_SIDE = Signal("side", "1", "of the line from beacon 1 to 2: 1 left, -1 right", lower=-1.0, upper=1.0)
+_SIDE = Signal("side", "1", "side of the line from beacon 1 to 2: 1 left, -1 right", lower=-1.0, upper=1.0)
 
 
 def range_signals(count: int) -> tuple[tuple[Signal, ...], tuple[Signal, ...]]:
     """Return the signals ``range_1...`` [m] and ``range_1_heard...`` (0 or 1)."""
     numbers = range(1, count + 1)
     ranges = tuple(Signal(f"range_{k}", "m", f"measured range to beacon {k}", nominal=2.7) for k in numbers)
-    heard = tuple(Signal(f"range_{k}_heard", "1", "1 where the beacon was heard", start=1.0) for k in numbers)
+    heard = tuple(Signal(f"range_{k}_heard", "1", "1 if the beacon was heard", start=1.0) for k in numbers)
     return ranges, heard
 
 
@@ -64,21 +64,21 @@ def range_solver(
     solves a quadratic. Of its two roots the one with the smaller b is taken: the other has b of about twice
     the range.
 
-    Exactly two beacons cannot tell b, which is taken for zero: their ranges are two circles on the floor,
-    which meet on either side of the line between them. Of two ranges heard of more beacons the same is done,
-    and the place nearer to the previous position is taken (K06 section 5.5.3).
+    Two beacons do not determine b, which is then zero: their ranges are two circles on the floor, which
+    intersect on both sides of the line between the beacons. Two ranges of more beacons are solved in the same
+    way; the solution nearer to the previous position is used (K06 section 5.5.3).
 
     Parameters
     ----------
     beacons : Beacons
-        As surveyed; their places are parameters.
+        The surveyed beacons; their positions are parameters.
     cone : (float, float), optional
         Of the cone-angle error (5.7); (0, 0) for none.
     side : float, optional
-        Of two beacons only, where it is a parameter too: 1 for a place left of the line from the first to
-        the second, -1 for one right of it.
+        With two beacons only, and then a parameter: 1 for positions left of the line from the first to the
+        second, -1 for positions right of it.
     previous : bool, optional
-        Of more than two beacons only: whether two ranges are solved, too, by the inputs ``previous_x,
+        With more than two beacons only: whether two ranges are solved, with the inputs ``previous_x,
         previous_y`` [m], ``previous_known`` (0 or 1).
     name : str, optional
 
@@ -86,13 +86,14 @@ def range_solver(
     -------
     Block
         Inputs ``range_1...`` [m] and ``range_1_heard...`` (0 or 1); outputs ``solved_x, solved_y``,
-        ``solved_bias`` (b) [m] and ``solved``: 1 where three beacons out of line were heard, or two
-        (of two beacons, or with `previous`) whose circles meet. No states.
+        ``solved_bias`` (b) [m] and ``solved``: 1 if three beacons not in a line were heard, or two (of two
+        beacons, or with `previous`) with intersecting circles. No states.
 
     Raises
     ------
     InputError
-        If a coefficient of `cone` is no finite number, `side` not 1 or -1, or `previous` of two beacons.
+        If a coefficient of `cone` is not finite, `side` is not 1 or -1, or `previous` is given with two
+        beacons.
 
     Examples
     --------
@@ -109,9 +110,7 @@ def range_solver(
         raise InputError(f"{name}: side must be 1 or -1, found {side!r}")
     count = len(beacons.positions)
     if previous and count == 2:
-        raise InputError(
-            f"{name}: with two beacons `side` decides between the two solutions, not the previous position"
-        )
+        raise InputError(f"{name}: expected no `previous` with two beacons: `side` selects the solution")
     ranges, heard = range_signals(count)
     places = beacons.signals()
     define = Definitions()
@@ -136,8 +135,8 @@ def range_solver(
         outputs=(
             Signal("solved_x", "m", "position of the unit, earth frame"),
             Signal("solved_y", "m", "position of the unit, earth frame"),
-            Signal("solved_bias", "m", "what all ranges are too long by, b in (5.6)"),
-            Signal("solved", "1", "1 where the ranges give a position"),
+            Signal("solved_bias", "m", "common error of all ranges, b in (5.6)"),
+            Signal("solved", "1", "1 if the ranges give a position"),
         ),
         parameters=(*(s for place in places for s in place), *cone_signals(cone, name), *chosen),
         output_expressions={"solved_x": x, "solved_y": y, "solved_bias": bias, "solved": solved},
@@ -152,7 +151,7 @@ def _or_circles(
     heard: Sequence[sp.Symbol],
     many: tuple[sp.Expr, ...],
 ) -> tuple[sp.Expr, ...]:
-    """Return x, y, bias and solved of `many` ranges, or of exactly two and the previous position."""
+    """Return x, y, bias and solved from `many` ranges, or from two and the previous position."""
     x0, y0, known = (s.symbol for s in PREVIOUS)
     none: sp.Expr = sp.S.One  # heard so far
     one: sp.Expr = sp.S.Zero
@@ -186,7 +185,7 @@ def _circles(
     both: sp.Symbol,
     side: sp.Expr,
 ) -> tuple[sp.Expr, sp.Expr, sp.Expr]:
-    """Return x, y and solved of two ranges, on the left of the line between the beacons where side > 0."""
+    """Return x, y and solved from two ranges, left of the line between the beacons for side > 0."""
     # From the first beacon, in units of its height.
     (x1, y1, scale), (x2, y2, _) = places
     dx, dy = define("line_x", (x2 - x1) / scale), define("line_y", (y2 - y1) / scale)
@@ -215,7 +214,7 @@ def _bancroft(
     ranges: Sequence[sp.Symbol],
     heard: Sequence[sp.Symbol],
 ) -> tuple[sp.Expr, ...]:
-    """Return x, y, bias and solved of three ranges or more."""
+    """Return x, y, bias and solved from three or more ranges."""
 
     def total(parts: Sequence[sp.Expr]) -> sp.Expr:
         return sp.Add(*(w * e for w, e in zip(heard, parts, strict=True)))
@@ -300,20 +299,21 @@ def locate(
     cone : (float, float), optional
         Of the cone-angle error (5.7); (0, 0) for none.
     side : float, optional
-        Of two beacons only: 1 for places left of the line from the first to the second, -1 right of it.
+        With two beacons only: 1 for positions left of the line from the first to the second, -1 right of it.
     previous : array_like, shape (2, ...), optional
-        Of more beacons: positions [m] of which the nearer place is taken where two ranges were heard.
+        With more beacons: previous positions [m], which select the solution where two ranges were heard.
 
     Returns
     -------
     ndarray, shape (3, ...)
-        x, y and the ranges' common error b [m]; nan where fewer than three beacons out of line were heard.
-        Of two ranges b is 0, and all nan where they do not meet, or nothing tells which place is meant.
+        x, y and the ranges' common error b [m]; nan where fewer than three beacons not in a line were heard.
+        From two ranges b is 0; all are nan where the circles do not intersect, or neither `side` nor
+        `previous` selects a solution.
 
     Raises
     ------
     InputError
-        If the number of ranges is not that of the beacons, `previous` is of another shape, or as of
+        If the number of ranges differs from the number of beacons, `previous` has another shape, or as for
         :func:`range_solver`.
 
     Examples
@@ -328,7 +328,7 @@ def locate(
     rho = np.asarray(ranges, dtype=float)
     n = len(beacons.positions)
     if rho.ndim == 0 or rho.shape[0] != n:
-        raise InputError(f"locate: expected {n} ranges, one a beacon, found shape {rho.shape}")
+        raise InputError(f"locate: expected {n} ranges, one for each beacon, found shape {rho.shape}")
     heard = np.isfinite(rho)
     linear, quadratic = cone
     inputs = [np.where(heard, rho, 0.0), heard]

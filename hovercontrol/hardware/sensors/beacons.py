@@ -1,4 +1,4 @@
-"""Where the beacons of a ranging system hang."""
+"""Positions of the beacons of a ranging system."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ class Beacons:
     Parameters
     ----------
     positions : sequence of (float, float)
-        Places over the floor, earth frame [m]: two different ones, or more that are not in a line. Two
-        determine a place and its mirror image beyond their line, see
+        Positions over the floor, earth frame [m]: two different ones, or more that are not in a line. Two
+        determine a position and its mirror image, see
         :func:`~hovercontrol.hardware.sensors.bancroft.range_solver`.
     heights : float or sequence of float
-        Above the units that hear them [m].
+        Heights above the units that hear them [m].
 
     Raises
     ------
     InputError
-        If there are fewer than two, two hang in one place, more in a line, or a height is not positive.
+        If there are fewer than two, two coincide, more are in a line, or a height is not positive.
 
     Examples
     --------
@@ -58,21 +58,21 @@ class Beacons:
             raise InputError(f"beacons: expected {len(places)} heights, found {len(above)}")
         checked = tuple(positive(f"beacon {k}: height", h) for k, h in enumerate(above, 1))
         if len(places) == 2 and math.dist(*places) <= NARROW * max(checked):
-            raise InputError(f"beacons: expected two in different places, found {places}")
+            raise InputError(f"beacons: expected two different positions, found {places}")
         spread = np.linalg.svd(np.array(places) - np.mean(places, axis=0), compute_uv=False)
         if len(places) > 2 and spread[1] <= NARROW * spread[0]:
-            raise InputError(f"beacons: expected some out of line, found {places}")
+            raise InputError(f"beacons: expected positions that are not in a line, found {places}")
         object.__setattr__(self, "positions", places)
         object.__setattr__(self, "heights", checked)
 
     def signals(self) -> tuple[tuple[Signal, Signal, Signal], ...]:
         """Return parameters for each beacon: ``beacon_1_x, beacon_1_y, beacon_1_height`` and so on [m]."""
-        text = "place of the beacon, earth frame"
+        text = "position of the beacon, earth frame"
         return tuple(
             (
                 Signal(f"beacon_{k}_x", "m", text, start=x),
                 Signal(f"beacon_{k}_y", "m", text, start=y),
-                Signal(f"beacon_{k}_height", "m", "above the unit", start=h, lower=1e-3),
+                Signal(f"beacon_{k}_height", "m", "height above the unit", start=h, lower=1e-3),
             )
             for k, ((x, y), h) in enumerate(zip(self.positions, self.heights, strict=True), 1)
         )
@@ -82,7 +82,7 @@ class Beacons:
 def k06_beacons() -> Beacons:
     """Return four beacons on the corners of a square of 2.44 m, 2.7048 m up.
 
-    The height is that of K06's table 5.2; K06 does not print where its beacons hang.
+    The height is that of K06's table 5.2; K06 does not print the positions of its beacons.
 
     Examples
     --------

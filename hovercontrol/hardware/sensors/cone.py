@@ -26,11 +26,16 @@ def cone_signals(cone: tuple[float, float], where: str) -> tuple[Signal, Signal]
     """Return the two coefficients of e(phi) as parameters; at 0 there is no cone-angle error."""
     linear, quadratic = (finite(f"{where}: cone", c) for c in cone)
     return (
-        Signal("cone_linear", "1/rad", "of true over measured range, by the cone angle", start=linear),
+        Signal(
+            "cone_linear",
+            "1/rad",
+            "coefficient of the cone angle in the ratio of ranges, (5.7)",
+            start=linear,
+        ),
         Signal(
             "cone_quadratic",
             "1/rad^2",
-            "of true over measured range, by the angle squared",
+            "coefficient of the cone angle squared in the ratio of ranges, (5.7)",
             start=quadratic,
             upper=0.4,  # e(phi) cos(phi) must fall with the angle
         ),
@@ -38,16 +43,16 @@ def cone_signals(cone: tuple[float, float], where: str) -> tuple[Signal, Signal]
 
 
 def cone_ratio(angle: sp.Expr) -> sp.Expr:
-    """Return true over measured range at a cone angle, (5.7)."""
+    """Return the ratio of true to measured range at a cone angle, (5.7)."""
     linear, quadratic = (s.symbol for s in cone_signals(K06_CONE, "cone"))
     return 1 + linear * angle + quadratic * angle**2
 
 
 def correction_definitions(measured: sp.Expr, height: sp.Expr, suffix: str) -> dict[str, sp.Expr]:
-    """Return definitions that lead from a measured range to the true one, `range_corrected` + `suffix`.
+    """Return the definitions that correct a measured range; the result is `range_corrected` + `suffix`.
 
     Newton's method on e(phi) cos(phi) = h / rho (5.9), unrolled. It starts from the root of the left side's
-    Taylor polynomial of degree two, which is right at small angles, where Newton alone is slow.
+    Taylor polynomial of degree two, which is accurate at small angles, where Newton alone is slow.
     """
     define = Definitions(suffix=suffix)
     linear, quadratic = (s.symbol for s in cone_signals(K06_CONE, "cone"))
@@ -88,7 +93,7 @@ def cone_correction(*, cone: tuple[float, float] = K06_CONE, name: str = "cone_c
     Raises
     ------
     InputError
-        If a coefficient is no finite number.
+        If a coefficient is not finite.
 
     Examples
     --------
@@ -97,13 +102,13 @@ def cone_correction(*, cone: tuple[float, float] = K06_CONE, name: str = "cone_c
     [2.982, 0.439]
     """
     measured = Signal("range", "m", "measured range", start=2.7, nominal=2.7)
-    height = Signal("height", "m", "of the beacon above the unit", start=2.7, lower=1e-3, nominal=2.7)
+    height = Signal("height", "m", "height of the beacon above the unit", start=2.7, lower=1e-3, nominal=2.7)
     return Block(
         name,
         inputs=(measured, height),
         outputs=(
             Signal("range_corrected", "m", "true range"),
-            Signal(f"cone_angle{STEPS}", "rad", "angle from the vertical"),
+            Signal(f"cone_angle{STEPS}", "rad", "cone angle, from the vertical"),
         ),
         parameters=cone_signals(cone, name),
         definitions=correction_definitions(measured.symbol, height.symbol, ""),
@@ -117,14 +122,14 @@ def _correction() -> Block:
 
 @checked
 def corrected_range(measured: ArrayLike, height: ArrayLike) -> NDArray[np.float64]:
-    """Return true ranges of measured ones, K06 (5.8)-(5.9); arguments broadcast.
+    """Return corrected ranges from measured ones, K06 (5.8)-(5.9); arguments broadcast.
 
     Parameters
     ----------
     measured : array_like
         Measured ranges [m].
     height : array_like
-        Of the beacons above the unit [m].
+        Heights of the beacons above the unit [m].
 
     Returns
     -------
@@ -134,7 +139,7 @@ def corrected_range(measured: ArrayLike, height: ArrayLike) -> NDArray[np.float6
     Raises
     ------
     InputError
-        If a range is no number or a height not positive.
+        If a range is not a number or a height is not positive.
 
     Examples
     --------

@@ -22,12 +22,12 @@ from hovercontrol.hardware.sensors.two_units import two_unit_heading
 
 @checked
 def cricket_fixes(count: int = 2, *, slot: float = SLOT, name: str = "cricket_fixes") -> Block:
-    """Return what sorts solved positions by unit and holds them.
+    """Return a Block that sorts solved positions by unit and holds them.
 
     Parameters
     ----------
     count : int, optional
-        How many units there are.
+        Number of units.
     slot : float, optional
         Period [s].
     name : str, optional
@@ -36,8 +36,9 @@ def cricket_fixes(count: int = 2, *, slot: float = SLOT, name: str = "cricket_fi
     -------
     Block
         Inputs ``solved_x, solved_y, solved_bias`` [m], ``solved`` and ``range_unit``; outputs ``fix_x,
-        fix_y`` [m], the place of the first unit, ``fix_valid``, 1 at the tick of a new one, and ``fix_bias``
-        [m], what its ranges were too long by; for the others ``fix_2_x, fix_2_y, fix_2_valid`` and so on.
+        fix_y`` [m], the position of the first unit, ``fix_valid``, 1 at the tick of a new fix, and
+        ``fix_bias`` [m], the common error of its ranges; for the others ``fix_2_x, fix_2_y, fix_2_valid`` and
+        so on.
 
     Raises
     ------
@@ -54,7 +55,7 @@ def cricket_fixes(count: int = 2, *, slot: float = SLOT, name: str = "cricket_fi
     solved = {
         "x": Signal("solved_x", "m", "position of the unit"),
         "y": Signal("solved_y", "m", "position of the unit"),
-        "bias": Signal("solved_bias", "m", "what all ranges are too long by"),
+        "bias": Signal("solved_bias", "m", "common error of all ranges"),
     }
     good = Signal("solved", "1", "1 where the ranges give a position")
     states, outputs = [], []
@@ -86,7 +87,7 @@ def cricket_fixes(count: int = 2, *, slot: float = SLOT, name: str = "cricket_fi
 
 
 def _last_position(slot: float) -> Block:
-    """Return the memory of what was solved last, whichever the unit: they are nearer than mirrored places."""
+    """Return the memory of the last solved position of any unit; mirror images are farther apart."""
     solved = tuple(s.replace(name=s.name.replace("previous", "solved")) for s in PREVIOUS[:2])
     good = Signal("solved", "1", "1 where the ranges give a position")
     held = [s.replace(name=f"{s.name}_held") for s in PREVIOUS]
@@ -125,13 +126,13 @@ def cricket(
     seed: int = 1,
     name: str = "cricket",
 ) -> Block:
-    """Return the whole: ranges, positions by Bancroft's method, and with two units a heading.
+    """Return the complete Cricket: ranges, positions by Bancroft's method, and with two units a heading.
 
-    Where only two of more beacons were heard, the place nearer to the last position is taken, as K06 does.
+    Where only two of more beacons were heard, the solution nearer to the last position is used, as in K06.
 
     It joins :func:`~hovercontrol.hardware.sensors.ranging.cricket_ranges`,
     :func:`~hovercontrol.hardware.sensors.bancroft.range_solver`, :func:`cricket_fixes` and
-    :func:`~hovercontrol.hardware.sensors.two_units.two_unit_heading`; parameters have these names in front
+    :func:`~hovercontrol.hardware.sensors.two_units.two_unit_heading`; parameters have these names as prefix
     (``cricket_ranges.noise``).
 
     Parameters
@@ -141,11 +142,11 @@ def cricket(
     corrected : bool, optional
         Whether the solver corrects ranges for the cone angle, by (5.9).
     side : float, optional
-        Of two beacons only: on which side of their line all units are, as for
+        With two beacons only: the side of their line on which all units are, as for
         :func:`~hovercontrol.hardware.sensors.bancroft.range_solver`. A craft that crosses the line is
         mirrored, position and heading.
     assisted : bool, optional
-        Whether an INS moves the first unit's fix to the second's time.
+        Whether an INS extrapolates the first unit's fix to the time of the second's.
     name : str, optional
 
     Returns
@@ -188,7 +189,7 @@ def cricket(
     if len(places) == 2:
         parts.append(two_unit_heading(places, assisted=assisted, latency=latency, slot=slot))
     elif assisted:
-        raise InputError(f"{name}: a heading wants two units, found {len(places)}")
+        raise InputError(f"{name}: a heading needs two units, found {len(places)}")
     return interconnect(parts, name)
 
 
@@ -203,7 +204,7 @@ def k06_cricket(
     seed: int = 1,
     name: str = "cricket",
 ) -> Block:
-    """Return K06's Cricket: cone-angle error and its correction, 45 degrees of hearing, a slot of latency.
+    """Return K06's Cricket: cone-angle error and correction, 45 degrees of cone limit, one slot of latency.
 
     K06 prints no range noise; 3.5 mm give its static circular error probable of about 0.5 cm in the middle of
     :func:`~hovercontrol.hardware.sensors.beacons.k06_beacons`.

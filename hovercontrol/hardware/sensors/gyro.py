@@ -1,4 +1,4 @@
-"""The dynamics of K06's gyro [K06 eq 6.2] and its compensation: one equation, solved for either side."""
+"""Dynamics of K06's gyro [K06 eq 6.2] and its compensation: one equation, solved for output or input."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ _COEFFICIENTS = (
     Signal("a1", "1", "weight of the last reading", start=-0.9805),
     Signal("a2", "1", "weight of the reading before", start=0.2898),
 )
-_LAST = Signal("last", "rad/s", "the gyro's last reading")
-_BEFORE = Signal("before", "rad/s", "the gyro's reading before the last")
+_LAST = Signal("last", "rad/s", "last reading of the gyro")
+_BEFORE = Signal("before", "rad/s", "last reading but one of the gyro")
 
 
 def _balance(rate: sp.Expr, reading: sp.Expr) -> sp.Expr:
-    """Return what is zero for each tick's rate and reading."""
+    """Return (6.2) as an expression that is zero: ``b0 u[k] - y[k] - a1 y[k-1] - a2 y[k-2]``."""
     b0, a1, a2 = (s.symbol for s in _COEFFICIENTS)
     return b0 * rate - reading - a1 * _LAST.symbol - a2 * _BEFORE.symbol
 
@@ -29,7 +29,7 @@ def _balance(rate: sp.Expr, reading: sp.Expr) -> sp.Expr:
 def gyro_dynamics(
     *, rate: str = "r", output: str = "gyro_rate", period: float = IMU_TICK, name: str = "gyro_dynamics"
 ) -> Block:
-    """Return how K06's gyro follows a yaw rate, (6.2).
+    """Return the dynamics of K06's gyro, (6.2).
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ def gyro_dynamics(
     Returns
     -------
     Block
-        Its gain at rest is 1.046, as fitted; the parameter ``dynamics`` switches all off.
+        The fitted static gain is 1.046; the parameter ``dynamics`` switches the dynamics off.
 
     Raises
     ------
@@ -58,7 +58,7 @@ def gyro_dynamics(
     >>> [round(gyro.tick(0.0, {"r": 1.0})["gyro_rate"], 4) for k in range(3)]
     [0.3236, 0.6409, 0.8582]
     """
-    u, y = Signal(rate, "rad/s", "yaw rate"), Signal(output, "rad/s", "yaw rate as the gyro follows it")
+    u, y = Signal(rate, "rad/s", "yaw rate"), Signal(output, "rad/s", "yaw rate behind the gyro's dynamics")
     return _block(name, period, u, y, solve_for=y)
 
 
@@ -70,12 +70,12 @@ def gyro_compensation(
     period: float = IMU_TICK,
     name: str = "gyro_compensation",
 ) -> Block:
-    """Return the inverse of :func:`gyro_dynamics`: less lag for more noise (K06 section 6.2.1.3).
+    """Return the inverse of :func:`gyro_dynamics`: less lag, more noise (K06 section 6.2.1.3).
 
     Parameters
     ----------
     reading : str, optional
-        Name of the input, what the gyro tells [rad/s].
+        Name of the input, the gyro's reading [rad/s].
     output : str, optional
         Name of the output [rad/s].
     period : float, optional
@@ -100,7 +100,7 @@ def gyro_compensation(
     [1.0, 1.0]
     """
     u, y = (
-        Signal(output, "rad/s", "yaw rate with the gyro's lag undone"),
+        Signal(output, "rad/s", "yaw rate, corrected for the gyro's dynamics"),
         Signal(reading, "rad/s", "yaw rate"),
     )
     return _block(name, period, u, y, solve_for=u)
@@ -110,7 +110,7 @@ def _block(name: str, period: float, rate: Signal, reading: Signal, *, solve_for
     seconds = tick(name, period).start
     (solved,) = sp.solve(_balance(rate.symbol, reading.symbol), solve_for.symbol)
     given = rate if solve_for is reading else reading
-    on = switch("dynamics", "the gyro's lag")
+    on = switch("dynamics", "dynamics of the gyro")
     told = sp.Piecewise((solved, on.symbol > 0), (given.symbol, True))
     return Block(
         name,

@@ -39,9 +39,9 @@ def imu(
     seed: int = 1,
     name: str = "imu",
 ) -> Block:
-    """Return an inertial measurement unit: truth plus bias plus white noise, cut at full scale.
+    """Return an inertial measurement unit: true value plus bias plus white noise, limited to full scale.
 
-    Every number is a parameter of the Block under its name here; at 0, the default, that error is off.
+    Each number is a parameter of the Block with the same name; 0, the default, switches the error off.
 
     Parameters
     ----------
@@ -50,15 +50,15 @@ def imu(
     acceleration_bias : (float, float), optional
         Constant part of the accelerometers' biases [m/s^2], ``acceleration_x_bias`` and ``..._y_bias``.
     acceleration_bias_spread : float, optional
-        Standard deviation of a further part, drawn at the first tick [m/s^2].
+        Standard deviation of a random part of the bias, drawn at the first tick [m/s^2].
     acceleration_walk : float, optional
-        Random walk of the biases [m/s^2 in the square root of a second].
+        Random walk of the biases [m/s^2/sqrt(s)].
     acceleration_noise : float, optional
         Standard deviation of each reading's white noise [m/s^2].
     acceleration_limit : float, optional
         Full scale [m/s^2].
     yaw_rate_bias, yaw_rate_bias_spread, yaw_rate_walk, yaw_rate_noise, yaw_rate_limit : float, optional
-        The same of the gyro [rad/s].
+        The same for the gyro [rad/s].
     rate : str, optional
         Name of the input with the yaw rate; ``"gyro_rate"`` behind
         :func:`~hovercontrol.hardware.sensors.gyro.gyro_dynamics`.
@@ -108,14 +108,14 @@ def imu(
                     ("bias_spread", "standard deviation of the bias drawn at the start"),
                     ("walk", "random walk of the bias"),
                     ("noise", "standard deviation of the white noise"),
-                    ("limit", "full scale; 0 is none"),
+                    ("limit", "full scale; 0: no limit"),
                 ),
                 sizes[kind],
                 strict=True,
             )
         )
         parameters |= {s.name: s for s in (constant, *own)}
-        drift = Signal(f"{channel}_drift", unit, "wandering part of the bias")
+        drift = Signal(f"{channel}_drift", unit, "random walk part of the bias")
         drawn, stepped = noise.values[2 * k : 2 * k + 2]
         now = Signal(f"{channel}_drift_now", unit)
         definitions[now.name] = sp.Piecewise(
@@ -130,7 +130,7 @@ def imu(
         told[channel] = limited(whole.symbol, limit.symbol)
         inputs.append(seen)
         states.append(drift)
-        outputs.append(Signal(channel, unit, "as measured by the inertial sensors"))
+        outputs.append(Signal(channel, unit, "measured by the inertial sensors"))
     return Block(
         name,
         states=(*states, *noise.states),

@@ -1,4 +1,4 @@
-"""A magnetometer in the plane and the heading it gives [K06 eq 3.43, 3.44]."""
+"""A planar magnetometer and its heading [K06 eq 3.43, 3.44]."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from hovercontrol.hardware.sensors._parts import IMU_TICK, offset, pair, size, t
 K06_FIELD = (2.1e-5, 0.0)
 
 _RAW = (
-    Signal("magnetic_x", "T", "field along the bow", nominal=2e-5),
-    Signal("magnetic_y", "T", "field to the left", nominal=2e-5),
+    Signal("magnetic_x", "T", "magnetic field along the bow", nominal=2e-5),
+    Signal("magnetic_y", "T", "magnetic field to the left", nominal=2e-5),
 )
-_HEADING = Signal("heading_magnetic", "rad", "heading by the magnetometer")
+_HEADING = Signal("heading_magnetic", "rad", "heading from the magnetometer")
 
 
 def _known(name: str, field: Sequence[float]) -> tuple[Signal, ...]:
     values = pair(f"{name}: field", field)
     if values == (0.0, 0.0):
-        raise InputError(f"{name}: field must not be zero, it points nowhere")
+        raise InputError(f"{name}: field must not be zero: it has no direction")
     return tuple(
         offset(f"field_{axis}", "T", "known field, earth frame", name, value)
         for axis, value in zip("xy", values, strict=True)
@@ -43,12 +43,12 @@ def _heading(measured: Sequence[Signal], known: Sequence[Signal]) -> sp.Expr:
 def magnetic_heading(
     *, field: Sequence[float] = K06_FIELD, period: float = 0.0, name: str = "magnetic_heading"
 ) -> Block:
-    """Return the heading of a measured field (3.43)-(3.44): its angle to the field known for the place.
+    """Return the heading from a measured field (3.43)-(3.44): its angle to the known local field.
 
     Parameters
     ----------
     field : (float, float), optional
-        The known field in the earth's axes [T].
+        The known field in earth axes [T].
     period : float, optional
         [s]; 0, the default, for a continuous Block.
     name : str, optional
@@ -92,14 +92,14 @@ def magnetometer(
     period : float, optional
         [s]
     field : (float, float), optional
-        The earth's field, known to the heading, in the earth's axes [T].
+        The earth's field in earth axes [T], which the heading takes as known.
     hard_iron : (float, float), optional
-        Field of what the craft carries, in the body's axes [T].
+        Field of magnets on the craft, in body axes [T].
     soft_iron : (float, float, float), optional
-        What the craft's iron adds of the field itself: ``xx``, ``yy`` and ``xy = yx`` of a matrix S, the
-        reading being (I + S) B.
+        Distortion by iron on the craft: ``xx``, ``yy`` and ``xy = yx`` of a matrix S; the reading is (I + S)
+        B.
     disturbance : (float, float), optional
-        Field of what stands around, such as steel beams, in the earth's axes [T]; the heading does not know.
+        Field of objects around, such as steel beams, in earth axes [T], unknown to the heading.
     noise : float, optional
         Standard deviation of each component [T].
     seed : int, optional
@@ -125,17 +125,17 @@ def magnetometer(
     seconds = tick(name, period).start
     known = _known(name, field)
     iron = [
-        offset(f"hard_iron_{axis}", "T", "field of the craft itself", name, value)
+        offset(f"hard_iron_{axis}", "T", "magnetic field of magnets on the craft", name, value)
         for axis, value in zip("xy", pair(f"{name}: hard_iron", hard_iron), strict=True)
     ]
     if not hasattr(soft_iron, "__len__") or len(soft_iron) != 3:
         raise InputError(f"{name}: soft_iron: expected three numbers (xx, yy, xy), found {soft_iron!r}")
     soft = [
-        offset(f"soft_iron_{place}", "1", "part of the field that the craft's iron adds", name, value)
+        offset(f"soft_iron_{place}", "1", "distortion of the field by iron on the craft", name, value)
         for place, value in zip(("xx", "yy", "xy"), soft_iron, strict=True)
     ]
     around = [
-        offset(f"disturbance_{axis}", "T", "field of objects around, earth frame", name, value)
+        offset(f"disturbance_{axis}", "T", "magnetic field of objects around, earth frame", name, value)
         for axis, value in zip("xy", pair(f"{name}: disturbance", disturbance), strict=True)
     ]
     white = size("noise", "T", "standard deviation of each component", name, noise)
@@ -166,7 +166,7 @@ def magnetometer(
 
 @checked
 def k06_magnetometer(*, period: float = IMU_TICK, seed: int = 1, name: str = "magnetometer") -> Block:
-    """Return a magnetometer whose heading is as noisy as K06's filter takes it: R1 = 1.6e-4 rad^2 (5.4.5).
+    """Return a magnetometer with the heading noise of K06's filter: R1 = 1.6e-4 rad^2 (5.4.5).
 
     Parameters
     ----------

@@ -40,7 +40,7 @@ def mocap(
     position_step, heading_step : float, optional
         Poses are rounded to multiples of these [m], [rad]; 0 is no rounding.
     first_velocity : (float, float, float), optional
-        What is told for ``u, v, r`` at the first tick, when there is no difference yet.
+        Output ``u, v, r`` at the first tick, before there is a difference.
     seed : int, optional
     name : str, optional
 
@@ -72,11 +72,11 @@ def mocap(
         for kind, unit, value in (("position", "m", position_noise), ("heading", "rad", heading_noise))
     }
     steps = {
-        kind: size(f"{kind}_step", unit, f"rounding of the {kind}; 0 is none", name, value)
+        kind: size(f"{kind}_step", unit, f"rounding step of the {kind}; 0: no rounding", name, value)
         for kind, unit, value in (("position", "m", position_step), ("heading", "rad", heading_step))
     }
     first = [
-        offset(f"first_{s.name}", s.unit, f"{s.description} given at the first tick", name, value)
+        offset(f"first_{s.name}", s.unit, f"{s.description} at the first tick", name, value)
         for s, value in zip(MOTION[3:], first_velocity, strict=True)
     ]
     pose = MOTION[:3]
@@ -123,7 +123,7 @@ def noisy_motion(
     seed: int = 1,
     name: str = "noisy_motion",
 ) -> Block:
-    """Return a sensor of pose and velocities that only adds white noise, for craft that measure both.
+    """Return a sensor of pose and velocities with white noise only, for craft that measure both.
 
     Parameters
     ----------

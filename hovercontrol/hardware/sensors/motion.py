@@ -1,4 +1,4 @@
-"""What accelerometers feel, derived from a plant's own equations."""
+"""Specific force at accelerometers, derived from a plant's equations."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ def with_specific_force(plant: Block, *, lever_arm: Sequence[float] | None = Non
     """Return a plant with outputs for its specific force [K06 eq 3.9] and angular acceleration.
 
     The specific force in the body's axes is ``(u' - v r, v' + u r)`` with the plant's own derivatives; the
-    craft is level, so gravity has no part in it (K06 section 3.2). Away from the centre of mass
-    ``r'`` and the centripetal ``r^2`` add.
+    craft is level, so gravity does not appear (K06 section 3.2). Away from the centre of mass, terms in
+    ``r'`` and ``r^2`` (centripetal) are added.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ def with_specific_force(plant: Block, *, lever_arm: Sequence[float] | None = Non
     Raises
     ------
     InputError
-        If the plant is sampled or lacks one of these states, or the lever arm is no pair of numbers.
+        If the plant is sampled or lacks one of these states, or the lever arm is not a pair of numbers.
 
     Examples
     --------
@@ -51,7 +51,7 @@ def with_specific_force(plant: Block, *, lever_arm: Sequence[float] | None = Non
     for name in "uvr":
         if name not in states:
             raise InputError(
-                f"block {plant.name!r}: specific force needs the states u, v and r, there is no {name!r}"
+                f"block {plant.name!r}: specific force needs the states u, v and r; it has no {name!r}"
             )
     u, v, r = (states[name].symbol for name in "uvr")
     turning = plant.derivatives["r"]
@@ -61,7 +61,7 @@ def with_specific_force(plant: Block, *, lever_arm: Sequence[float] | None = Non
     if lever_arm is not None:
         arm = pair(f"block {plant.name!r}: lever_arm", lever_arm)
         places = tuple(
-            offset(f"imu_{axis}", "m", "place of the inertial sensors", plant.name, value)
+            offset(f"imu_{axis}", "m", "position of the inertial sensors", plant.name, value)
             for axis, value in zip("xy", arm, strict=True)
         )
         lx, ly = (s.symbol for s in places)
@@ -71,9 +71,9 @@ def with_specific_force(plant: Block, *, lever_arm: Sequence[float] | None = Non
         plant,
         outputs=(
             *plant.outputs,
-            Signal("specific_force_x", "m/s^2", "what an accelerometer along the bow feels"),
-            Signal("specific_force_y", "m/s^2", "what an accelerometer to the left feels"),
-            Signal("angular_acceleration", "rad/s^2", "of the yaw rate"),
+            Signal("specific_force_x", "m/s^2", "specific force along the bow, at the inertial sensors"),
+            Signal("specific_force_y", "m/s^2", "specific force to the left, at the inertial sensors"),
+            Signal("angular_acceleration", "rad/s^2", "angular acceleration"),
         ),
         parameters=(*plant.parameters, *places),
         output_expressions={**plant.output_expressions, **told},

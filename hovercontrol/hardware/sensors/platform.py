@@ -1,4 +1,4 @@
-"""The inertial sensors' platform where it is not level: accelerometers then feel a share of gravity."""
+"""A tilted platform of the inertial sensors: accelerometers measure a component of gravity."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ def tilted_platform(*, roll: float = 0.0, pitch: float = 0.0, name: str = "platf
     -------
     Block
         Without states. Inputs ``specific_force_x, specific_force_y`` [m/s^2]; outputs ``tilted_force_x,
-        tilted_force_y``, what the accelerometers feel.
+        tilted_force_y``, the specific force at the accelerometers.
 
     Raises
     ------
     InputError
-        If an angle is no finite number.
+        If an angle is not finite.
 
     Examples
     --------
@@ -45,7 +45,7 @@ def tilted_platform(*, roll: float = 0.0, pitch: float = 0.0, name: str = "platf
     [0.0981, 0.0]
     """
     right, up = (
-        Signal(key, "rad", "of the sensors' platform", start=finite(f"{name}: {key}", value),
+        Signal(key, "rad", "angle of the sensors' platform", start=finite(f"{name}: {key}", value),
                lower=-0.3, upper=0.3)
         for key, value in (("roll", roll), ("pitch", pitch))
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""A part of the floor that a motion capture system sees badly: outliers of the pose (C17 section VIII-C)."""
+"""A part of the floor with poor motion capture: outliers of the pose (C17 section VIII-C)."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ def poor_view(
     seed: int = 1,
     name: str = "view",
 ) -> Block:
-    """Return what adds noise to a pose inside a circle, before a motion capture system reads it.
+    """Return noise added to the pose inside a circle, in front of a motion capture system.
 
-    C17 has "higher periodic spikes in T, as well as the two outliers above 6.1 A" of measurements that are
-    "ill-conditioned and especially noisy" where the vehicle is less visible [C17 fig 17].
+    C17 reports "higher periodic spikes in T, as well as the two outliers above 6.1 A" of measurements that
+    are "ill-conditioned and especially noisy" where the vehicle is less visible [C17 fig 17].
 
     Parameters
     ----------
@@ -43,11 +43,11 @@ def poor_view(
     position_noise, heading_noise : float, optional
         Standard deviations inside [m, rad].
     outlier_share : float, optional
-        Of the readings inside, 0 to 1: each is an outlier with this probability.
+        Probability that a reading inside is an outlier, 0 to 1.
     outlier_noise : float, optional
-        Standard deviation of an outlier's coordinates [m], beside the other noise.
+        Standard deviation of an outlier's coordinates [m], in addition to the other noise.
     period : float, optional
-        [s]; that of the system that reads the pose.
+        Period of the motion capture system [s].
     seed : int, optional
     name : str, optional
 
@@ -79,12 +79,16 @@ def poor_view(
         offset(f"centre_{s.name}", "m", "centre of the circle", name, v)
         for s, v in zip(MOTION, at, strict=False)
     ]
-    around = Signal("radius", "m", "of the circle", start=positive(f"{name}: radius", radius), lower=0.0)
-    position = size("position_noise", "m", "standard deviation inside", name, position_noise)
-    heading = size("heading_noise", "rad", "standard deviation inside", name, heading_noise)
+    around = Signal(
+        "radius", "m", "radius of the circle", start=positive(f"{name}: radius", radius), lower=0.0
+    )
+    position = size("position_noise", "m", "standard deviation inside the circle", name, position_noise)
+    heading = size("heading_noise", "rad", "standard deviation inside the circle", name, heading_noise)
     if not 0 <= number(f"{name}: outlier_share", outlier_share) <= 1:
         raise InputError(f"{name}: outlier_share must be between 0 and 1, found {outlier_share!r}")
-    share = Signal("outlier_share", "1", "of the readings inside", start=outlier_share, lower=0.0, upper=1.0)
+    share = Signal(
+        "outlier_share", "1", "share of outliers inside the circle", start=outlier_share, lower=0.0, upper=1.0
+    )
     gross = size("outlier_noise", "m", "standard deviation of an outlier", name, outlier_noise)
     pose = MOTION[:3]
     away = [s.symbol - m.symbol for s, m in zip(pose, middle, strict=False)]

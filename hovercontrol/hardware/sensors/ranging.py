@@ -1,4 +1,4 @@
-"""The ranges that Cricket units measure in turn, K06 section 5.5: time slots, noise, deafness, lateness."""
+"""Ranges measured by Cricket units in turn, K06 section 5.5: time slots, noise, range of hearing, latency."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ SLOT, SLOTS = 0.1, 10
 #: K06 prints only their distance.
 K06_UNITS = ((0.0, 0.0), (-8 * 0.0254, 0.0))
 
-_VALID = Signal("range_valid", "1", "1 where new ranges have come")
+_VALID = Signal("range_valid", "1", "1 while ranges are valid")
 
 
 def unit_places(units: Sequence[Sequence[float]], slots: int = SLOTS) -> tuple[tuple[float, float], ...]:
-    """Return the units' places, checked: at least one, no more than there are slots, none twice."""
+    """Return the units' positions, checked: at least one, at most one for each slot, all different."""
     places = tuple(pair(f"unit {k}: place", p) for k, p in enumerate(units, 1))
     if not 1 <= len(places) <= slots:
-        raise InputError(f"units: expected 1 to {slots}, one a slot, found {len(places)}")
+        raise InputError(f"units: expected 1 to {slots}, one for each slot, found {len(places)}")
     if len(set(places)) < len(places):
-        raise InputError(f"units: expected different places, found {places}")
+        raise InputError(f"units: expected different positions, found {places}")
     return places
 
 
@@ -54,33 +54,33 @@ def cricket_ranges(
     seed: int = 1,
     name: str = "cricket_ranges",
 ) -> Block:
-    """Return the ranges that units measure in turn; at 0, the default, each error is off.
+    """Return the ranges measured by units in turn; 0, the default, switches an error off.
 
     Unit k pings at the start of slot k of each round, so it has ranges once a round.
 
     Parameters
     ----------
     beacons : Beacons
-        As they hang; a survey error is a difference to those of the solver.
+        True positions; a difference to the solver's beacons is a survey error.
     units : sequence of (float, float), optional
         Places in the body's axes [m].
     slot : float, optional
         Period of the Block [s].
     slots : int, optional
-        In a round; the rest of them belong to other craft.
+        Slots of a round; slots without a unit belong to other craft.
     noise : float, optional
         Standard deviation of a range [m].
     bias : float, optional
-        What all ranges are too long by [m], b in (5.6).
+        Common error of all ranges [m], b in (5.6).
     sound : float, optional
-        Speed of sound that is taken over the true one, by which each range is wrong; see
+        Ratio of assumed to true speed of sound, a scale error of each range; see
         :func:`~hovercontrol.hardware.sensors.speed_of_sound`.
     cone : (float, float), optional
         Coefficients of the cone-angle error (5.7), :data:`~hovercontrol.hardware.sensors.cone.K06_CONE`.
     cone_limit : float, optional
-        Beacons at larger cone angles [rad] are not heard; K06's limit is about 45 degrees. 0 is none.
+        Beacons at larger cone angles [rad] are not heard; K06's limit is about 45 degrees; 0: no limit.
     latency : bool, optional
-        Ranges are told at the end of their slot, one tick late, rather than at its start.
+        Whether ranges are given at the end of their slot, one tick late, rather than at its start.
     seed : int, optional
     name : str, optional
 
@@ -108,7 +108,7 @@ def cricket_ranges(
         raise InputError(f"{name}: slots must be a positive whole number, found {slots!r}")
     mounts = [
         tuple(
-            offset(f"unit_{k}_{axis}", "m", "place of the unit on the craft", name, value)
+            offset(f"unit_{k}_{axis}", "m", "position of the unit, body axes", name, value)
             for axis, value in zip("xy", place, strict=True)
         )
         for k, place in enumerate(unit_places(units, slots), 1)
@@ -116,19 +116,21 @@ def cricket_ranges(
     ranges, heard = range_signals(len(beacons.positions))
     places = beacons.signals()
     white = size("noise", "m", "standard deviation of a range", name, noise)
-    long = offset("bias", "m", "what all ranges are too long by", name, bias)
+    long = offset("bias", "m", "common error of all ranges", name, bias)
     taken = Signal(
         "sound",
         "1",
-        "speed of sound taken over the true one",
+        "ratio of assumed to true speed of sound",
         start=positive(f"{name}: sound", sound),
         lower=0.5,
     )
-    limit = size("cone_limit", "rad", "beacons beyond it are not heard; 0 is no limit", name, cone_limit)
-    late = switch("latency", "ranges come one tick late", latency)
+    limit = size(
+        "cone_limit", "rad", "largest cone angle at which beacons are heard; 0: no limit", name, cone_limit
+    )
+    late = switch("latency", "latency of one tick", latency)
     drawn = random_numbers(len(ranges), salt=name, seed=seed, prefix="random")
     x, y, psi = Signal("x", "m"), Signal("y", "m"), Signal("psi", "rad", "heading")
-    turn = Signal("slot", "1", "of the round, from 0", upper=slots - 1.0, lower=0.0)
+    turn = Signal("slot", "1", "slot of the round, from 0", upper=slots - 1.0, lower=0.0)
     define = Definitions(drawn.definitions)
     unit = define("unit_now", sp.Piecewise((turn.symbol + 1, turn.symbol < len(mounts) - 0.5), (0, True)))
     arm = [
@@ -153,7 +155,7 @@ def cricket_ranges(
     measured["range_unit"] = unit
     measured["range_valid"] = define("valid_now", sp.Max(*(measured[s.name] for s in heard)))
     told = (*ranges, *(s.replace(start=0.0) for s in heard), RANGE_UNIT, _VALID)
-    held = [s.replace(name=f"{s.name}_held", description=f"{s.description}, a tick ago") for s in told]
+    held = [s.replace(name=f"{s.name}_held", description=f"{s.description}, at the last tick") for s in told]
     return Block(
         name,
         states=(turn, *held, *drawn.states),

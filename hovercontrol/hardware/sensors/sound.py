@@ -1,7 +1,8 @@
-"""The speed of sound in air, by which ultrasonic ranges are measured (K06 section 5.5.3).
+"""The speed of sound in air, for ultrasonic ranges (K06 section 5.5.3).
 
 O. Cramer, "The variation of the specific heat ratio and the speed of sound in air with temperature, pressure,
-humidity, and CO2 concentration", J. Acoust. Soc. Am. 93(5), 1993, K06's reference 27: his (14) and (15).
+humidity, and CO2 concentration", J. Acoust. Soc. Am. 93(5), 1993, K06's reference 27: equations (14) and
+(15).
 """
 
 from __future__ import annotations

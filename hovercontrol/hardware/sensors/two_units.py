@@ -13,18 +13,18 @@ from hovercontrol.errors import InputError
 from hovercontrol.hardware.sensors._parts import offset, pair, switch, tick, turned
 
 _FIXES = (
-    Signal("fix_x", "m", "place of the first unit"),
-    Signal("fix_y", "m", "place of the first unit"),
+    Signal("fix_x", "m", "position of the first unit"),
+    Signal("fix_y", "m", "position of the first unit"),
     Signal("fix_valid", "1", "1 at the tick of a new fix of the first unit"),
-    Signal("fix_2_x", "m", "place of the second unit"),
-    Signal("fix_2_y", "m", "place of the second unit"),
+    Signal("fix_2_x", "m", "position of the second unit"),
+    Signal("fix_2_y", "m", "position of the second unit"),
     Signal("fix_2_valid", "1", "1 at the tick of a new fix of the second unit"),
 )
 _INS = (
-    Signal("v_x_hat", "m/s", "velocity along x by the INS"),
-    Signal("v_y_hat", "m/s", "velocity along y by the INS"),
-    Signal("psi_hat", "rad", "heading by the INS"),
-    Signal("r_hat", "rad/s", "yaw rate by the INS"),
+    Signal("v_x_hat", "m/s", "velocity along x, from the INS"),
+    Signal("v_y_hat", "m/s", "velocity along y, from the INS"),
+    Signal("psi_hat", "rad", "heading from the INS"),
+    Signal("r_hat", "rad/s", "yaw rate from the INS"),
 )
 
 
@@ -37,12 +37,12 @@ def two_unit_heading(
     slot: float = 0.1,
     name: str = "two_unit_heading",
 ) -> Block:
-    """Return the heading by the fixes of two units.
+    """Return the heading from the fixes of two units.
 
     The second unit's fix comes one slot after the first's; if the craft moves in between, the line between
-    the two is not the craft's. Assisted, the first fix is moved by what the INS said of the first unit's
-    velocity at earlier ticks: without latency these are extrapolated to the time between the fixes. So the
-    INS may be aided by this heading without an algebraic loop.
+    the fixes is not the line between the units. With `assisted`, the first fix is moved by the first unit's
+    velocity, from INS outputs at earlier ticks; without latency these are extrapolated to the time between
+    the fixes. So this heading can aid the INS without an algebraic loop.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ def two_unit_heading(
     assisted : bool, optional
         Whether to use the INS.
     latency : bool, optional
-        Whether fixes are told one tick after they were measured; the INS is then asked for that time.
+        Whether fixes come one tick after they were measured; INS outputs of that time are then used.
     slot : float, optional
         Period [s].
     name : str, optional
@@ -61,8 +61,8 @@ def two_unit_heading(
     Block
         Inputs ``fix_x, fix_y, fix_valid, fix_2_x, fix_2_y, fix_2_valid`` and, if assisted,
         ``v_x_hat, v_y_hat`` [m/s] in the earth's axes, ``psi_hat`` [rad] and
-        ``r_hat`` [rad/s]; outputs ``heading_fix`` [rad], -pi to pi, held, and ``heading_fix_valid``, 1
-        at the tick of a new one.
+        ``r_hat`` [rad/s]; outputs ``heading_fix`` [rad], -pi to pi, held, and ``heading_fix_valid``, 1 at the
+        tick of a new heading.
 
     Raises
     ------
@@ -81,9 +81,9 @@ def two_unit_heading(
     """
     places = [pair(f"{name}: unit {k}", p) for k, p in enumerate(units, 1)]
     if len(places) != 2 or places[0] == places[1]:
-        raise InputError(f"{name}: expected two units in different places, found {places}")
+        raise InputError(f"{name}: expected two units at different positions, found {places}")
     mounts = [
-        offset(f"unit_{k}_{axis}", "m", "place of the unit on the craft", name, value)
+        offset(f"unit_{k}_{axis}", "m", "position of the unit, body axes", name, value)
         for k, place in enumerate(places, 1)
         for axis, value in zip("xy", place, strict=True)
     ]
@@ -91,10 +91,10 @@ def two_unit_heading(
     fx, fy, valid, fx2, fy2, valid2 = (s.symbol for s in _FIXES)
     every = tick(name, slot)
     recent = Signal(
-        "first_is_new", "1", "1 if the first unit's fix came at the last tick", lower=0.0, upper=1.0
+        "first_is_new", "1", "1 if the last tick had a fix of the first unit", lower=0.0, upper=1.0
     )
     held = Signal("heading_held", "rad", "last heading")
-    told = Signal("heading_fix", "rad", "heading by the two units")
+    told = Signal("heading_fix", "rad", "heading from the two units")
     new = Signal("heading_fix_valid", "1", "1 at the tick of a new heading")
     states: list[Signal] = [recent, held]
     following: dict[str, sp.Expr] = {recent.name: valid, held.name: told.symbol}
@@ -104,12 +104,12 @@ def two_unit_heading(
     parameters = [*mounts]
     moved = [fx, fy]
     if assisted:
-        late = switch("latency", "fixes come one tick late", latency)
+        late = switch("latency", "latency of one tick", latency)
         parameters += [every, late]
         vx, vy, psi, r = (s.symbol for s in _INS)
         arm = turned(psi, x1, y1)
         for i, (axis, velocity) in enumerate(zip("xy", (vx - r * arm[1], vy + r * arm[0]), strict=True)):
-            now = Signal(f"velocity_{axis}", "m/s", "of the first unit, by the INS")
+            now = Signal(f"velocity_{axis}", "m/s", "velocity of the first unit, from the INS")
             last = now.replace(name=f"velocity_{axis}_last")
             before = now.replace(name=f"velocity_{axis}_before")
             definitions[now.name] = velocity

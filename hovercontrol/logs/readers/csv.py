@@ -158,7 +158,7 @@ class CsvSource:
         for number, (line, cells) in enumerate(self._rows()):
             if number == row:
                 return f"line {line}", cells[at] if at < len(cells) else ""
-        raise AssertionError("the row was read before")
+        raise AssertionError("the row repeats an earlier one")
 
     def _rows(self) -> Iterator[tuple[int, list[str]]]:
         dialect = self.dialect
