@@ -11,7 +11,7 @@ from typing import Any
 from generate.pages import code, table, toctree, write
 from hovercontrol.documents import all_items
 
-#: Indexes of ``hovercontrol reproduce`` and some of its pictures, made by ``make pictures``.
+#: Indexes of ``hovercontrol analyze`` and some of its pictures, made by ``make pictures``.
 KEPT = Path(__file__).parents[1] / "pictures" / "reproduce"
 
 NAMES = {"c17": "C17, paper by Cabecinhas and others", "k06": "K06, thesis by Kulis"}
@@ -35,7 +35,7 @@ def pages(into: Path) -> tuple[str, str]:
     write(
         into / "evidence.md",
         "# Figures of the papers beside ours",
-        "`hovercontrol reproduce` rebuilds what the source documents print and computes each verdict from the printed "
+        "`hovercontrol analyze` rebuilds what the source documents print and computes each verdict from the printed "
         "numbers and a tolerance stated beside them. A number that ours was fitted to tests nothing, and is marked.",
         "- " + "\n- ".join(f"[{name}](evidence/{document}.md)" for document, name in NAMES.items()),
         "- [How often diagnose is right](evidence/blind.md)",
@@ -70,7 +70,7 @@ def _document(document: str, name: str, items: list[dict[str, Any]], folder: Pat
         folder / f"{document}.md",
         f"# {name}",
         f"{len(items)} of {_every(document)} items are kept here: {', '.join(f'{n} {verdict}' for verdict, n in counts.most_common())}. This makes all of them:",
-        code(f"$ hovercontrol reproduce {document} --out out/{document}", "console"),
+        code(f"$ hovercontrol analyze --document {document} --out out/{document}", "console"),
         *sections,
     )
 

@@ -1,6 +1,6 @@
 """Pictures that the site keeps because they take minutes: ``python -m generate.keep`` (``make pictures``).
 
-Every analysis and every item of ``hovercontrol reproduce`` runs once; PNGs of few colours, findings and indexes
+Every analysis and every item of ``hovercontrol analyze`` runs once; PNGs of few colours, findings and indexes
 go into docs/pictures.
 """
 
@@ -47,7 +47,7 @@ def main(out: Path) -> None:
     for document, items in SHOWN.items():
         folder = out / document
         if not folder.is_dir():
-            _run("reproduce", document, "--out", str(folder))
+            _run("analyze", "--document", document, "--out", str(folder))
         index = (folder / "index.json").read_text(encoding="utf-8")
         (evidence.KEPT / f"{document}.json").write_text(index + "\n", encoding="utf-8")
         for item in items:

@@ -241,13 +241,28 @@ class Region:
         return open_in_pyplot(drawn) if own else shown_once(drawn)
 
 
+@checked
 def mesh(x: Axis, y: Axis) -> tuple[Array, Array]:
-    """Return both parameters at every point, x running fastest, each shape (n_y * n_x,).
+    """Return both parameters at every point, x running fastest.
+
+    Parameters
+    ----------
+    x, y : Axis
+
+    Returns
+    -------
+    x, y : ndarray, shape (n_y * n_x,)
+        ``values.reshape(n_y, n_x)`` makes a map of what is computed of them.
 
     Raises
     ------
     InputError
         If they are so many that a few numbers for each need more than 2 GiB.
+
+    Examples
+    --------
+    >>> mesh(Axis("k1", "1/s^2", np.array([1.0, 2.0])), Axis("k2", "1/s", np.array([5.0])))
+    (array([1., 2.]), array([5., 5.]))
     """
     points = len(x.values) * len(y.values)
     memory = 8.0 * NUMBERS * points
@@ -260,6 +275,7 @@ def mesh(x: Axis, y: Axis) -> tuple[Array, Array]:
     return xs.ravel(), ys.ravel()
 
 
+@checked
 def sweep_map(
     loop: CompiledBlock,
     x: Axis,
@@ -285,11 +301,31 @@ def sweep_map(
     **options
         For :meth:`~hovercontrol.targets.compiled.CompiledBlock.sweep`.
 
+    Returns
+    -------
+    SweepResult
+
     Raises
     ------
     InputError
         If it would need more than 2 GiB or an hour, with the estimate of both; the time is taken of a few
         points of the map.
+
+    Examples
+    --------
+    What is left after 1 s of a decay, over its rate and its start:
+
+    >>> from hovercontrol.core.block import Block
+    >>> from hovercontrol.core.signals import Signal
+    >>> units = {"v": "m/s", "k": "1/s", "u": "m/s^2"}
+    >>> v, k, u = (Signal(name, unit, start=1.0) for name, unit in units.items())
+    >>> decay = Block("decay", [v], [], [v], [k, u], {"v": u.symbol - k.symbol * v.symbol})
+    >>> rate, push = axis("k", "1/s", (1.0, 2.0), 2), axis("u", "m/s^2", (0.0, 1.0), 2)
+    >>> found = sweep_map(
+    ...     decay.compile(), rate, push, lambda k, u: {"decay.k": k, "decay.u": u}, [0.0, 1.0]
+    ... )
+    >>> found["v"].final.reshape(2, 2).round(3).tolist()
+    [[0.368, 0.135], [1.0, 0.568]]
     """
     refuse_large(loop, len(x.values) * len(y.values), _trial(loop, x, y, params, grid, options))
     return as_user(loop.sweep, grid, params=params(*mesh(x, y)), progress=progress, **options)

@@ -16,13 +16,20 @@ from hovercontrol.models.model import MOTION
 #: K06 simulates the IMU's 6.5536 ms as 6 ms.
 SIMULATED_IMU = 0.006
 
+#: Standard deviations of K06's random numbers. Section 6.1.1 prints *variances* of 2.5 cm/s^2, 1 deg/s and
+#: 0.5 deg/s, and Simulink's block of random numbers takes variances, in SI units. Read as standard deviations
+#: they move the yaw rate of figure 6.8c by 0.06 rad/s, where its axis ends at -0.5 rad/s.
+ACCELERATION_BIAS = math.sqrt(0.025)  # m/s^2
+GYRO_BIAS = math.sqrt(math.radians(1.0))  # rad/s
+GYRO_NOISE = math.sqrt(math.radians(0.5))  # rad/s
+
 
 @checked
 def error_model(
     *,
-    acceleration_bias: float = 0.025,
-    gyro_bias: float = math.radians(1.0),
-    gyro_noise: float = math.radians(0.5),
+    acceleration_bias: float = ACCELERATION_BIAS,
+    gyro_bias: float = GYRO_BIAS,
+    gyro_noise: float = GYRO_NOISE,
     interval: float = 1.0,
     period: float = SIMULATED_IMU,
     seed: int = 1,
@@ -38,10 +45,11 @@ def error_model(
     Parameters
     ----------
     acceleration_bias : float, optional
-        Standard deviation of the accelerometers' remaining biases [m/s^2]. K06 prints "variances given
-        by 2.5 cm/s^2 ... and 1 deg/s", whose units are those of standard deviations.
+        Standard deviation of the accelerometers' remaining biases [m/s^2]; default 0.158, the root of the
+        variance that K06 prints.
     gyro_bias, gyro_noise : float, optional
-        Standard deviation of the gyro's remaining bias, and of its white noise [rad/s].
+        Standard deviation of the gyro's remaining bias, and of its white noise [rad/s]; default 0.132 and
+        0.093, likewise.
     interval : float, optional
         Time from pulse to pulse [s]; a pulse comes at the first tick that is not earlier.
     period : float, optional

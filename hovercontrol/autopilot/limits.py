@@ -32,7 +32,7 @@ def fan_ends(tables: tuple[FanTable, FanTable]) -> tuple[float, float]:
     Examples
     --------
     >>> [round(end, 2) for end in fan_ends(fan_tables())]
-    [-0.97, 2.0]
+    [-0.9, 1.94]
     """
     lookup, reverse = tables
     least, most = (float(np.interp(0.0, reverse.rudder, reverse.values[:, k])) for k in (0, -1))
@@ -68,7 +68,7 @@ def actuator_limits(
     Examples
     --------
     >>> actuator_limits().to_numpy().outputs(0.0, (), [9.0, 1.5]).round(2).tolist()
-    [2.0, 0.47]
+    [1.94, 0.47]
     """
     least, most = ends or fan_ends(fan_tables())
     angles = (servo_table() if servo is None else servo).angle * DEGREE

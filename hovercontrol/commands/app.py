@@ -15,7 +15,6 @@ from hovercontrol.commands import (
     export,
     identify,
     new,
-    reproduce,
     schema,
     simulate,
     sweep,
@@ -68,7 +67,6 @@ for command, example in (
     (export.export, export.EXAMPLE),
     (analyze.analyze, analyze.EXAMPLE),
     (sweep.sweep, sweep.EXAMPLE),
-    (reproduce.reproduce, reproduce.EXAMPLE),
     (cockpit.cockpit, cockpit.EXAMPLE),
     (schema.schema, schema.EXAMPLE),
 ):

@@ -103,7 +103,6 @@ def _values() -> dict[str, tuple[str, ...]]:
         "scenario": tuple(scenario_names()),
         "export block": (*scenario_names(), *VEHICLES),
         "analyze name": tuple(known_scripts()),
-        "analyze trial": (),
         "new kind": KINDS,
         "sweep figure": FIGURES,
         "effects": tuple(effect_names()),

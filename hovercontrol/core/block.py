@@ -367,7 +367,9 @@ class Block(Backends):
         for kind in fields(self):
             value = getattr(self, kind.name)
             if isinstance(value, Expressions):
-                value = [(name, sp.srepr(expression)) for name, expression in value.items()]
+                value = _exact(value)
+            elif kind.name == "ticks":
+                value = [(tick.name, tick.period, _exact(tick.updates)) for tick in value]
             digest.update(f"{kind.name}={value!r};".encode())
         return digest.hexdigest()
 
@@ -395,3 +397,8 @@ class Block(Backends):
         for f in fields(Block):
             object.__setattr__(block, f.name, changes.get(f.name, getattr(self, f.name)))
         return block
+
+
+def _exact(expressions: Expressions) -> list[tuple[str, str]]:
+    """Return expressions as texts that tell all of them: in a plain repr a table is its name alone."""
+    return [(name, sp.srepr(expression)) for name, expression in expressions.items()]

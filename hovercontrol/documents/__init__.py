@@ -3,8 +3,8 @@
 from hovercontrol.documents.item import Item, Outcome, Printed, about, at_least, at_most
 from hovercontrol.documents.markers import Place, places
 from hovercontrol.documents.printed import Numbered, numbered_items, printed, rebuilds
-from hovercontrol.documents.registry import all_items, chosen_items
-from hovercontrol.documents.runner import reproduce
+from hovercontrol.documents.registry import all_items, find_items
+from hovercontrol.documents.runner import rebuild
 
 __all__ = [
     "Item",
@@ -20,6 +20,6 @@ __all__ = [
     "rebuilds",
     "places",
     "all_items",
-    "chosen_items",
-    "reproduce",
+    "find_items",
+    "rebuild",
 ]

@@ -190,7 +190,7 @@ def _section(outcome: Outcome) -> str:
             f'<figure><a href="{escape(f)}">{image}</a>'
             f"<figcaption>{escape(_plain(f)) if len(pictures) > 1 else ''}</figcaption></figure>"
         )
-    command = f'hovercontrol reproduce {item.document} --only "{item.name}"'
+    command = f'hovercontrol analyze "{item.document} {item.name}"'
     more = "".join(f' <a href="{escape(f)}">{escape(f.rpartition("/")[2])}</a>' for f in others)
     files = f" Files:{more}." if more else ""
     parts.append(f'<p class="note">Again: <code>{escape(command)}</code>.{files}</p>')

@@ -21,8 +21,6 @@ from hovercontrol.errors import InputError, did_you_mean
 #: What computes an item: it draws into a folder and returns the numbers by name.
 Measure = Callable[[Path], Mapping[str, float]]
 
-_ITEMS: dict[tuple[str, str, str], Item] = {}
-
 
 @checked
 @dataclass(frozen=True)
@@ -135,6 +133,7 @@ def _numbered(document: str, item: str) -> Numbered:
     return table[item]
 
 
+@checked
 def rebuilds(
     document: str,
     item: str,
@@ -143,43 +142,39 @@ def rebuilds(
     why: str = "",
     units: Callable[[], Mapping[str, str]] = dict,
 ) -> Callable[[Measure], Measure]:
-    """Return a decorator that makes a function the one which computes an item of a document.
+    """Return a decorator for the function that computes an item of a document.
 
     Parameters
     ----------
     document, item : str
-        As for :func:`printed`; title and printed numbers are those of the table.
-    lacks, why, units
+        Such as ``c17`` and ``table 1``; title and printed numbers are those of the table.
+    lacks, why : str, optional
+    units : callable, optional
         As for :class:`~hovercontrol.documents.item.Item`.
+
+    Returns
+    -------
+    callable
+        It gives a function the attribute ``item`` and returns it.
 
     Raises
     ------
     InputError
-        If the document has no such item, or another function computes it.
+        If the document has no such item.
+
+    Examples
+    --------
+    >>> @rebuilds("c17", "fig 1")
+    ... def craft(folder):
+    ...     return {}
+    >>> craft.item.title
+    'sketch of the craft and its frames'
     """
     found = _numbered(document, item)
 
-    def register(measure: Measure) -> Measure:
-        add(Item(*found.key, found.title, measure, found.printed, lacks, why, units))
+    def mark(measure: Measure) -> Measure:
+        item = Item(*found.key, found.title, measure, found.printed, lacks, why, units)
+        measure.__dict__["item"] = item
         return measure
 
-    return register
-
-
-def add(item: Item) -> None:
-    """Add an item to those of its document.
-
-    Raises
-    ------
-    InputError
-        If there is one of that name.
-    """
-    key = item.document, item.kind, item.number
-    if key in _ITEMS:
-        raise InputError(f"{item.document}: {item.name} is computed by two functions")
-    _ITEMS[key] = item
-
-
-def rebuilt_items(document: str) -> list[Item]:
-    """Return the items of a document whose functions were imported, in the order of its table."""
-    return [_ITEMS[n.key] for n in _table(document).values() if n.key in _ITEMS]
+    return mark

@@ -1,13 +1,14 @@
-"""The items of all documents, and the choice of some by name."""
+"""The items of all documents, and one by its name."""
 
 from __future__ import annotations
 
 import importlib
-from collections.abc import Sequence
+import inspect
+import pkgutil
 
 from hovercontrol.core.boundary import checked
 from hovercontrol.documents.item import KINDS, Item
-from hovercontrol.documents.printed import rebuilt_items
+from hovercontrol.documents.printed import numbered_items
 from hovercontrol.errors import InputError, did_you_mean
 
 DOCUMENTS = ("c17", "k06")
@@ -28,50 +29,50 @@ def all_items(document: str = "") -> list[Item]:
     'c17'
     """
     if document and document not in DOCUMENTS:
-        raise InputError(f"reproduce: unknown document {document!r}{did_you_mean(document, DOCUMENTS)}")
-    chosen = [name for name in DOCUMENTS if document in ("", name)]
-    for name in chosen:
-        importlib.import_module(f"hovercontrol.documents.{name}")
-    return [item for name in chosen for item in rebuilt_items(name)]
+        raise InputError(f"unknown document {document!r}{did_you_mean(document, DOCUMENTS)}")
+    return [item for name in DOCUMENTS if document in ("", name) for item in _rebuilt(name)]
+
+
+def _rebuilt(document: str) -> list[Item]:
+    """Return the items of the functions in a document's modules, in the order of its table."""
+    package = importlib.import_module(f"hovercontrol.documents.{document}")
+    found: dict[tuple[str, str, str], Item] = {}
+    for name in (m.name for m in pkgutil.walk_packages(package.__path__, f"{package.__name__}.")):
+        module = vars(importlib.import_module(name))
+        marked = [vars(thing).get("item") for thing in module.values() if inspect.isfunction(thing)]
+        for item in (*filter(None, marked), *module.get("ITEMS", ())):
+            found[item.document, item.kind, item.number] = item
+    return [found[n.key] for n in numbered_items(document) if n.key in found]
 
 
 @checked
-def chosen_items(document: str = "", only: Sequence[str] = ()) -> list[Item]:
-    """Return the items that are asked for.
+def find_items(document: str, name: str) -> list[Item]:
+    """Return the items of a name, in both documents if none is given; none where there is no such item.
 
     Parameters
     ----------
-    document : str, optional
-        ``c17`` or ``k06``; default both.
-    only : sequence of str, optional
-        Names (``table 2``, ``fig15``, ``figure 15``); default all.
+    document : str
+        ``c17``, ``k06``, or empty.
+    name : str
+        ``table 2``, ``fig15``, ``figure 15``, ``c17 table 2``.
 
     Raises
     ------
     InputError
-        If the document or a name is unknown; the nearest is named.
+        If the document is unknown.
 
     Examples
     --------
-    >>> [item.title for item in chosen_items("c17", ["table 1"])]
+    >>> [item.title for item in find_items("c17", "table 1")]
     ['simulation in three phases: tracking error']
     """
-    items = all_items(document)
-    if not only:
-        return items
-    known = {_short(item.name): item.name for item in items}
-    for name in only:
-        if _short(name) not in known:
-            hint = did_you_mean(name, list(dict.fromkeys(known.values())))
-            raise InputError(f"reproduce: unknown item {name!r}{hint}; --list shows all")
-    wanted = {_short(name) for name in only}
-    return [item for item in items if _short(item.name) in wanted]
+    wanted = _short(name)
+    return [i for i in all_items(document) if wanted in (_short(i.name), i.document + _short(i.name))]
 
 
 def _short(name: str) -> str:
     """Return a name without spaces, the kind in its short form."""
     found = "".join(name.lower().split())
     for short, whole in KINDS.items():
-        if found.startswith(whole):
-            return short + found.removeprefix(whole)
+        found = found.replace(whole, short)
     return found

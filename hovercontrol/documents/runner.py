@@ -15,7 +15,7 @@ from hovercontrol.io.folders import write_folder
 
 
 @checked
-def reproduce(
+def rebuild(
     items: Sequence[Item], folder: str | Path, progress: Callable[[float, str], None] | None = None
 ) -> list[Outcome]:
     """Rebuild items and write the index.
@@ -44,11 +44,11 @@ def reproduce(
     >>> import tempfile
     >>> item = Item("c17", "table", "1", "errors", lambda folder: {"error": 0.02})
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     [outcome.values for outcome in reproduce([item], folder)]
+    ...     [outcome.values for outcome in rebuild([item], folder)]
     [{'error': 0.02}]
     """
     if not items:
-        raise InputError("reproduce: nothing to rebuild")
+        raise InputError("nothing to rebuild")
     target = Path(folder)
     outcomes = []
     for k, item in enumerate(items):

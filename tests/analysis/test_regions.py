@@ -12,9 +12,10 @@ from hovercontrol.analysis.output import save
 from hovercontrol.analysis.regions import Region, axis, mesh, refuse_large, sweep_map
 from hovercontrol.core.block import Block
 from hovercontrol.core.signals import Signal
-from hovercontrol.documents.c17.arm_region import arm_region
-from hovercontrol.documents.c17.gains import beta_region, gain_region
+from hovercontrol.documents.c17.beta_region import beta_region
+from hovercontrol.documents.c17.gain_region import gain_region
 from hovercontrol.documents.c17.interconnection import region_of_attraction
+from hovercontrol.documents.c17.zero_dynamics import arm_region
 from hovercontrol.documents.k06.law_regions import forward_region, reverse_region
 from hovercontrol.documents.k06.turn_basins import turn_basins
 from hovercontrol.errors import InputError

@@ -28,11 +28,11 @@ COMMANDS = {
     "analyze": ["analyze", "c17_gain_region", "--json"],
     "table1": ["simulate", "table1", "--json"],
     "identify": ["identify", "--sample", "--json"],
-    "reproduce": ["reproduce", "c17", "--only", "table 1", "--json"],
+    "items": ["analyze", "c17 table 1", "--json"],
     "field": ["simulate", "k06-field-turn", "--json"],
     "diagnose": ["diagnose", "out/k06-field-turn/log.csv", "--vehicle", "hoverdemon", "--json"],
 }
-SLOW = ("analyze", "table1", "identify", "reproduce", "field", "diagnose")
+SLOW = ("analyze", "table1", "identify", "items", "field", "diagnose")
 #: A command that reads another's log comes after it.
 NEEDS = {"check": "simulate", "diagnose": "field"}
 #: What differs from run to run, or names the version and the machine.

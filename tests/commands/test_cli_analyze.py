@@ -24,7 +24,7 @@ def test_an_analysis_leaves_its_files(call, tmp_path):
     [
         (["c17_beta_regoin"], "did you mean 'c17_beta_region'?"),
         (["budgte"], "did you mean 'budget'?"),
-        (["budget", "k06-trun"], "k06_budget: unknown trial 'k06-trun'; did you mean 'turn'?"),
+        (["budget", "--trial", "k06-trun"], "k06_budget: unknown trial 'k06-trun'; did you mean 'turn'?"),
         ([], "expected an analysis: c17_beta_region"),
         (["c17_beta_region", "--out", "/dev/null/x"], "/dev/null"),
     ],

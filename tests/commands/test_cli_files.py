@@ -18,7 +18,7 @@ COMMANDS = {
     "identify": ["identify", "--sample", "--out", "new/deep"],
     "analyze": ["analyze", "c17_beta_region", "--out", "new/deep"],
     "diagnose": ["diagnose", str(sample_path()), "--effects", "slope", "--out", "new/deep"],
-    "reproduce": ["reproduce", "c17", "--only", "figure 2", "--out", "new/deep"],
+    "items": ["analyze", "c17 figure 2", "--out", "new/deep"],
 }
 
 

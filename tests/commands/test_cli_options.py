@@ -95,7 +95,7 @@ def test_a_name_is_never_proposed_for_itself():
         ),
         (["identify", "a.csv", "--coefficients", ","], "--coefficients: expected names separated by commas"),
         (["diagnose", "a.csv", "--effects", "slope,wind,slope"], "--effects: 'slope' is given twice"),
-        (["reproduce", "c17", "--only", "nope"], "unknown item 'nope'; known: "),
+        (["analyze", "nope"], "unknown analysis or item 'nope'; known: "),
     ],
 )
 def test_what_cannot_be_meant_is_refused_before_any_work(call, folder, args, said):

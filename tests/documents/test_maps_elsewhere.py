@@ -4,9 +4,9 @@ from concurrent.futures import Executor, ThreadPoolExecutor
 
 import pytest
 
-from hovercontrol.documents.c17.arm_region import arm_region
-from hovercontrol.documents.c17.gains import gain_region
+from hovercontrol.documents.c17.gain_region import gain_region
 from hovercontrol.documents.c17.interconnection import region_of_attraction
+from hovercontrol.documents.c17.zero_dynamics import arm_region
 from hovercontrol.documents.k06.law_regions import forward_region, reverse_region
 from hovercontrol.documents.k06.turn_basins import turn_basins
 

@@ -15,7 +15,7 @@ from hovercontrol.core.interconnect import interconnect
 from hovercontrol.core.lookup import Entries, bilinear, entry, linear
 from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
-from hovercontrol.hardware.actuators import thrust_force
+from hovercontrol.hardware.actuators import fan_force, fan_tables, thrust_force, thrust_lookup
 from hovercontrol.hardware.actuators.signals import RPM
 from hovercontrol.models.vehicles import hoverdemon
 from hovercontrol.notebook.mathml import equations
@@ -108,6 +108,16 @@ def test_blocks_of_equal_tables_are_equal_and_travel():
     assert table_block(TABLE).content_hash == BLOCK.content_hash
     assert table_block(other) != BLOCK
     assert table_block(other).content_hash != BLOCK.content_hash
+
+
+def test_a_table_in_a_tick_is_in_the_hash_too():
+    """The cache of generated code goes by the hash: with the table's name alone, an older table came back."""
+    one, other = (
+        thrust_lookup(table=fan_tables(lambda speed, rudder, k=k: k * fan_force(speed, rudder))[0])
+        for k in (1.0, 0.9)
+    )
+    ticking = [interconnect([block], "loop", hybrid=True) for block in (one, other)]
+    assert len({block.content_hash for block in ticking}) == 2
 
 
 def test_an_entry_is_a_staircase_over_its_index():

@@ -31,8 +31,8 @@ def thrust_of(propeller, pitch, rudder=0.0):
 
 def test_the_thrust_is_that_of_blade_elements_in_their_own_inflow():
     """Momentum and blade-element thrust are solved for the inflow numerically, as neither Block does."""
-    pitch, share = blade_element(2.088, RADIUS, SPEED, CHORD)
-    made = VariablePitch(thrust=2.088, pitch=pitch, inflow=share)
+    pitch, share = blade_element(1.944, RADIUS, SPEED, CHORD)
+    made = VariablePitch(thrust=1.944, pitch=pitch, inflow=share)
     area, tip, solidity = np.pi * RADIUS**2, SPEED * RADIUS, 2 * CHORD / (np.pi * RADIUS)
 
     def elements(inflow, angle):

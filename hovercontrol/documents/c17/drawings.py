@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from hovercontrol.core.block import Block
+from hovercontrol.documents.printed import rebuilds
 
 Array = NDArray[np.float64]
 
@@ -94,3 +96,10 @@ def architecture(blocks: Mapping[str, Block]) -> Figure:
     axes.set(xlim=(-0.05, 1.05), ylim=(0, 0.95), title="what measures, computes and sends (Table II)")
     axes.set_axis_off()
     return figure
+
+
+@rebuilds("c17", "fig 1", lacks="a drawing has no numbers")
+def fig_1(folder: Path) -> Mapping[str, float]:
+    """Draw the craft, its frames and its control point."""
+    craft().savefig(folder / "craft.png", dpi=130)
+    return {}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
 
@@ -26,16 +26,6 @@ def draw(name: str, folder: Path, *pictures: str) -> None:
     drawn = figures(run(name))
     for picture in pictures:
         drawn[picture].savefig(folder / f"{picture}.png", dpi=130)
-
-
-def only_drawn(name: str, *pictures: str) -> Callable[[Path], Mapping[str, float]]:
-    """Return what draws pictures of a run and gives no numbers."""
-
-    def measure(folder: Path) -> Mapping[str, float]:
-        draw(name, folder, *pictures)
-        return {}
-
-    return measure
 
 
 def extremes(name: str, start: float, signals: Mapping[str, str]) -> dict[str, float]:

@@ -11,7 +11,7 @@ import sympy as sp
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from hovercontrol.documents.item import Item, about, at_most
+from hovercontrol.documents.printed import rebuilds
 from hovercontrol.hardware.actuators import (
     fan_tables,
     force_angle_of_rudder,
@@ -43,12 +43,18 @@ DRAWS = 20_001
 POUND = 0.45359237
 
 
+@rebuilds(
+    "k06",
+    "table 4.1",
+    why="5.7 lb are 2.6 kg, as K06's text has it and tables 6.2 and 6.3 need; 1.6 is an erratum",
+)
 def table_4_1(folder: Path) -> Mapping[str, float]:
     """Mass, arm and inertia of the craft [K06 table 4.1]."""
     body = HOVERDEMON_BODY
     return {"mass": body.mass, "mass in pounds": body.mass / POUND, "arm": body.arm, "inertia": body.inertia}
 
 
+@rebuilds("k06", "table 4.2")
 def table_4_2(folder: Path) -> Mapping[str, float]:
     """Inertia of two release tests and their mean [K06 table 4.2]."""
     time = np.linspace(0.0, 1.5, 31)
@@ -60,6 +66,7 @@ def table_4_2(folder: Path) -> Mapping[str, float]:
     return values | {"mean": float(mean_inertia(found).values[0])}
 
 
+@rebuilds("k06", "table 5.1")
 def table_5_1(folder: Path) -> Mapping[str, float]:
     """Delays as the links draw them: mean and spread of each row [K06 table 5.1]."""
     shares = (np.arange(DRAWS) + 0.5) / DRAWS
@@ -73,6 +80,7 @@ def table_5_1(folder: Path) -> Mapping[str, float]:
     return {"mean, largest difference": off_mean, "standard deviation, largest difference": off_sd}
 
 
+@rebuilds("k06", "table 5.2")
 def table_5_2(folder: Path) -> Mapping[str, float]:
     """Measured ranges corrected for their cone angle [K06 table 5.2]."""
     _, true, measured, _ = TABLE_5_2.T
@@ -80,6 +88,7 @@ def table_5_2(folder: Path) -> Mapping[str, float]:
     return {"corrected less true range, largest": float(np.abs(ours - true).max())}
 
 
+@rebuilds("k06", "fig 4.2", lacks="the curve; a stand-in is used")
 def fig_4_2(folder: Path) -> Mapping[str, float]:
     """Rudder over the servo's pulse, a stand-in [K06 fig 4.2]."""
     table = servo_table()
@@ -89,6 +98,7 @@ def fig_4_2(folder: Path) -> Mapping[str, float]:
     return {"largest angle [deg]": float(np.abs(table.angle).max())}
 
 
+@rebuilds("k06", "fig 4.3")
 def fig_4_3(folder: Path) -> Mapping[str, float]:
     """Rudder over hovercraft angle: (4.3) and the trials of table 4.2 [K06 fig 4.3]."""
     rudder = np.linspace(-35.0, 30.0, 66)
@@ -102,6 +112,7 @@ def fig_4_3(folder: Path) -> Mapping[str, float]:
     return {f"trial {k}": a for k, a in enumerate(ours, 1)}
 
 
+@rebuilds("k06", "fig 4.4", lacks="the measured points")
 def fig_4_4(folder: Path) -> Mapping[str, float]:
     """Reverse over forward thrust, (4.4) [K06 fig 4.4]."""
     speed = np.linspace(6000.0, 12000.0, 61)
@@ -112,6 +123,7 @@ def fig_4_4(folder: Path) -> Mapping[str, float]:
     return {"at 6000 RPM": float(ratio[0]), "at 12000 RPM": float(ratio[-1])}
 
 
+@rebuilds("k06", "fig 4.5", lacks="the entries of the table")
 def fig_4_5(folder: Path) -> Mapping[str, float]:
     """Force over rudder angle and fan speed, the reverse lookup table [K06 fig 4.5]."""
     table = fan_tables()[1]
@@ -122,9 +134,13 @@ def fig_4_5(folder: Path) -> Mapping[str, float]:
     axes.set(xlabel="fan speed [1000 RPM]", ylabel="rudder angle [deg]", zlabel="force [N]")
     figure.savefig(folder / "force.png", dpi=130)
     straight = int(np.argmin(np.abs(table.rudder)))
-    return {"at 10 000 RPM, rudder straight": float(np.interp(1e4, table.columns, table.values[straight]))}
+    return {
+        f"at {speed:g} RPM, rudder straight": float(np.interp(speed, table.columns, table.values[straight]))
+        for speed in (12000.0, -12000.0)
+    }
 
 
+@rebuilds("k06", "fig 4.6", lacks="the curves' numbers and the friction in them")
 def fig_4_6(folder: Path) -> Mapping[str, float]:
     """Release test: yaw rate under 1 N at a rudder of -30 degrees, and the inertia of it [K06 fig 4.6]."""
     angle = float(force_angle_of_rudder(math.radians(-30.0)))
@@ -140,6 +156,7 @@ def fig_4_6(folder: Path) -> Mapping[str, float]:
     return {"inertia": float(found.values[0]), "yaw acceleration [rad/s^2]": float(rate[-1] / time[-1])}
 
 
+@rebuilds("k06", "fig 5.4")
 def fig_5_4(folder: Path) -> Mapping[str, float]:
     """Round trip over the downlink's rate [K06 fig 5.4]."""
     rates = (16.2, 22.0, 41.0)
@@ -150,6 +167,7 @@ def fig_5_4(folder: Path) -> Mapping[str, float]:
     return {f"at {rate:g} kbit/s": delay for rate, delay in zip(rates, delays, strict=True)}
 
 
+@rebuilds("k06", "fig 5.7")
 def fig_5_7(folder: Path) -> Mapping[str, float]:
     """Ratio of true to measured range by the cone angle: (5.7) and table 5.2 [K06 fig 5.7]."""
     linear, quadratic = K06_CONE
@@ -165,6 +183,7 @@ def fig_5_7(folder: Path) -> Mapping[str, float]:
     }
 
 
+@rebuilds("k06", "fig 5.8", lacks="noise of the ranges, the beacons")
 def fig_5_8(folder: Path) -> Mapping[str, float]:
     """Where a unit at rest is fixed, and the circle in which half of them lie [K06 fig 5.8]."""
     at = {"x": 1.22, "y": 1.22, "psi": 0.0}
@@ -193,129 +212,3 @@ def _axes(x: str, y: str):  # type: ignore[no-untyped-def]
     axes.set(xlabel=x, ylabel=y)
     axes.grid(alpha=0.3)
     return figure, axes
-
-
-ITEMS = [
-    Item(
-        "k06",
-        "table",
-        "4.1",
-        "mass, arm and inertia",
-        table_4_1,
-        (
-            about("mass", 1.6, 0.05, "kg", text="1.6 kg"),
-            about("mass in pounds", 5.7, 0.05, "lb"),
-            about("arm", 0.32, 0.005, "m"),
-            about("inertia", 0.096, 0.0005, "kg*m^2"),
-        ),
-        why="5.7 lb are 2.6 kg, as K06's text has it and tables 6.2 and 6.3 need; 1.6 is an erratum",
-    ),
-    Item(
-        "k06",
-        "table",
-        "4.2",
-        "moment of inertia by release tests",
-        table_4_2,
-        (
-            about("trial 1", 0.0952, 0.00006, "kg*m^2"),
-            about("trial 2", 0.0967, 0.00006, "kg*m^2"),
-            about("mean", 0.096, 0.0005, "kg*m^2", text=".096 adopted"),
-        ),
-    ),
-    Item("k06", "fig", "4.2", "rudder over servo command", fig_4_2, lacks="the curve; a stand-in is used"),
-    Item(
-        "k06",
-        "fig",
-        "4.3",
-        "rudder over hovercraft angle",
-        fig_4_3,
-        (about("trial 1", 14.6, 0.1, "deg"), about("trial 2", -17.4, 0.1, "deg")),
-    ),
-    Item(
-        "k06",
-        "fig",
-        "4.4",
-        "reverse over forward thrust",
-        fig_4_4,
-        (
-            about("at 6000 RPM", 0.23, 0.03, text="about 0.2 by the axis"),
-            about("at 12000 RPM", 0.47, 0.03, text="below 0.5 by the axis"),
-        ),
-        lacks="the measured points",
-    ),
-    Item(
-        "k06",
-        "fig",
-        "4.5",
-        "reverse lookup table",
-        fig_4_5,
-        (
-            about(
-                "at 10 000 RPM, rudder straight",
-                1.45,
-                0.05,
-                "N",
-                text="about 1.45 N, read off",
-                fitted="the stand-in is made so",
-            ),
-        ),
-        lacks="the entries of the table",
-    ),
-    Item(
-        "k06",
-        "fig",
-        "4.6",
-        "release test",
-        fig_4_6,
-        (about("inertia", 0.096, 0.0005, "kg*m^2"),),
-        lacks="the curves' numbers and the friction in them",
-    ),
-    Item(
-        "k06",
-        "table",
-        "5.1",
-        "delays of the Bluetooth link",
-        table_5_1,
-        (
-            at_most("mean, largest difference", 0.1, "ms", text="means of 15 rows"),
-            at_most("standard deviation, largest difference", 0.1, "ms", text="their standard deviations"),
-        ),
-    ),
-    Item(
-        "k06",
-        "fig",
-        "5.4",
-        "round trip over downlink rate",
-        fig_5_4,
-        (
-            about("at 16.2 kbit/s", 75.69, 0.05, "ms"),
-            about("at 22 kbit/s", 77.54, 0.05, "ms"),
-            about("at 41 kbit/s", 95.48, 0.05, "ms"),
-        ),
-    ),
-    Item(
-        "k06",
-        "fig",
-        "5.7",
-        "range ratio over cone angle",
-        fig_5_7,
-        (at_most("ratio, largest difference", 0.001, text="points near the line"),),
-    ),
-    Item(
-        "k06",
-        "table",
-        "5.2",
-        "ranges over cone angle",
-        table_5_2,
-        (at_most("corrected less true range, largest", 0.1, "cm", text="true ranges, two digits"),),
-    ),
-    Item(
-        "k06",
-        "fig",
-        "5.8",
-        "fixes of a unit at rest",
-        fig_5_8,
-        (about("circular error probable", 0.52, 0.08, "cm", fitted="by the noise of a range, 3.5 mm"),),
-        lacks="noise of the ranges, the beacons",
-    ),
-]

@@ -135,6 +135,7 @@ def steady_errors(
     suspects: Mapping[str, Suspect] = SUSPECTS,
     *,
     runs: int = 6,
+    navigation: str = "magnetometer",
     progress: Callable[[float], None] | None = None,
 ) -> list[SteadyError]:
     """Return the steady errors that each suspect leaves in K06's real loop, with its gains.
@@ -144,6 +145,9 @@ def steady_errors(
     suspects : mapping of str to Suspect, optional
     runs : int, optional
         Number of seeds.
+    navigation : str, optional
+        As of :func:`~hovercontrol.autopilot.autopilot`: sensors and filters in full, or with ``error_model``
+        the noise of K06's own simulation.
     progress : callable, optional
         Called with the share that is done.
 
@@ -154,7 +158,7 @@ def steady_errors(
     """
     if not suspects:
         raise InputError("steady_errors: expected one suspect at least, found none")
-    back, front = load_scenario("k06-real-reverse"), load_scenario("k06-real-forward")
+    back, front = (_trial(f"k06-real-{way}", navigation) for way in ("reverse", "forward"))
     jobs = [(back, ref) for ref in ASTERN] + [(front, AHEAD)]
     every = {e.name: e for one in suspects.values() for e in one.effects}
     loops: dict[tuple[str, float], Block] = {}
@@ -176,6 +180,14 @@ def steady_errors(
                 progress((i + (j + 1) / len(jobs)) / len(suspects))
         found.append(SteadyError(name, tuple(errors[:-1]), errors[-1], yaw))
     return found
+
+
+def _trial(name: str, navigation: str) -> Scenario:
+    scenario = load_scenario(name)
+    assert scenario.autopilot is not None
+    return dataclasses.replace(
+        scenario, autopilot=dataclasses.replace(scenario.autopilot, navigation=navigation)
+    )
 
 
 def _coefficients(trial: Scenario, every: Mapping[str, Effect], suspect: Suspect) -> dict[str, float]:

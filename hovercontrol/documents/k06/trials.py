@@ -4,46 +4,161 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import lru_cache, partial
 from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
-from hovercontrol.analysis.trials import trial_metrics
-from hovercontrol.documents.item import Item, about, at_most
-from hovercontrol.documents.k06.reverse_error import ASTERN, SUSPECTS, steady_errors
-from hovercontrol.scenarios import Run, load_scenario, run_scenario
+from hovercontrol.analysis.trials import run_trial
+from hovercontrol.documents.item import Item, Printed, about, at_least, at_most
+from hovercontrol.documents.k06.reverse_error import ASTERN, SUSPECTS, VISIBLE, steady_errors
+from hovercontrol.scenarios import Run, Scenario, load_scenario, run_scenario
 from hovercontrol.scenarios.figures import figures
+from hovercontrol.scenarios.measures import measure
 
-#: Seeds of each trial; the numbers are medians over them.
-SEEDS = 20
+Array = NDArray[np.float64]
+
+#: Seeds of each trial. One run more, K06's, lies between the least and the largest of 39 with probability
+#: 38/40 = 95 %. Times and means are medians over them.
+SEEDS = 39
 
 NOISE = (
-    "the seeds of K06's one run, its force tables and beacons; the loss of thrust at a turned rudder "
-    "(rudder_loss = 0.5) is chosen so that figure 6.7 takes 10 s"
+    "the seeds of K06's one run and its force tables. The navigation's errors are the variances of figure "
+    "6.2, and no thrust is lost at a turned rudder beyond its cosine"
 )
 FIELD = (
-    "the craft: its yaw friction here is what brings figure 6.24 to 1.75 rad/s. The curves are "
-    "not in the text, so that only K06's words are compared"
+    "the craft: its yaw friction here is what brings figure 6.24 to 1.75 rad/s. The curves are not in the "
+    "text, so that K06's words and the ends of its axes are compared"
 )
 
 Measure = Callable[[Path], Mapping[str, float]]
+End = tuple[str, str, str, float, float]
+
+UNIT = {"u": "m/s", "v": "m/s", "r": "rad/s", "psi": "rad"}
+
+#: Ends of the axes: loop, signal, end, and the last two ticks there. MATLAB ends an axis at the first tick
+#: beyond its curves, so that their extreme lies between these two. Figures 6.7 to 6.10 draw the real and the
+#: ideal loop on one axis ("both"). Ends that the start alone decides are left out.
+ENDS: Mapping[str, tuple[End, ...]] = {
+    "6.7": (
+        ("both", "u", "least", -0.8, -0.6),
+        ("both", "u", "largest", 0.6, 0.8),
+        ("both", "v", "largest", 0.6, 0.8),
+        ("both", "r", "least", -1.0, 0.0),
+    ),
+    "6.8": (
+        ("both", "u", "largest", 1.2, 1.4),
+        ("both", "v", "least", -0.25, -0.2),
+        ("both", "v", "largest", 0.2, 0.25),
+        ("both", "r", "least", -0.5, -0.4),
+        ("both", "r", "largest", 0.2, 0.3),
+    ),
+    "6.9": (
+        ("both", "u", "least", -0.9, -0.8),
+        ("both", "v", "least", -0.4, -0.3),
+        ("both", "v", "largest", 0.2, 0.3),
+        ("both", "r", "least", -0.5, -0.4),
+        ("both", "r", "largest", 0.3, 0.4),
+    ),
+    "6.10": (
+        ("both", "u", "least", -0.3, -0.25),
+        ("both", "u", "largest", 0.15, 0.2),
+        ("both", "v", "least", -0.25, -0.2),
+        ("both", "v", "largest", 0.2, 0.25),
+        ("both", "r", "largest", 3.5, 4.0),
+    ),
+    "6.11": (
+        ("real", "u", "least", -1.5, -1.0),
+        ("real", "v", "least", -1.5, -1.0),
+        ("real", "r", "least", -2.0, 0.0),
+        ("ideal", "u", "least", -0.5, 0.0),
+        ("ideal", "v", "least", -0.5, 0.0),
+        ("ideal", "r", "least", -2.0, 0.0),
+    ),
+    "6.12": (
+        ("real", "u", "least", -0.4, -0.3),
+        ("real", "u", "largest", 0.2, 0.3),
+        ("real", "v", "least", -0.2, -0.1),
+        ("real", "v", "largest", 0.4, 0.5),
+        ("real", "r", "least", -1.5, -1.0),
+        ("real", "r", "largest", 1.0, 1.5),
+        ("real", "psi", "largest", 2.0, 2.5),
+        ("ideal", "u", "least", -0.15, -0.1),
+        ("ideal", "v", "least", -0.2, -0.1),
+        ("ideal", "v", "largest", 0.1, 0.2),
+        ("ideal", "r", "least", -1.0, -0.5),
+        ("ideal", "r", "largest", 1.0, 1.5),
+        ("ideal", "psi", "largest", 1.0, 1.5),
+    ),
+    "6.21": (("real", "u", "least", -1.0, -0.8), ("real", "v", "largest", 0.8, 1.0)),
+    "6.22": (("real", "r", "least", -0.8, -0.6), ("real", "r", "largest", 0.4, 0.6)),
+}
 
 
-@lru_cache(maxsize=4)
-def run(name: str) -> Run:
-    """Return one run of a scenario."""
-    return run_scenario(load_scenario(name))
+def _end_name(loop: str, signal: str, end: str) -> str:
+    of = {"real": "real loop: ", "ideal": "ideal loop: ", "both": ""}[loop]
+    return f"{of}{end} {signal}, the seed nearest"
+
+
+def ends(figure: str) -> tuple[Printed, ...]:
+    """Return what the axes of a figure say of its curves."""
+    return tuple(
+        Printed(
+            _end_name(loop, signal, end),
+            f"the axis ends at {low if end == 'least' else high:g}, a tick beyond "
+            f"{high if end == 'least' else low:g}",
+            low,
+            high,
+            UNIT[signal],
+        )
+        for loop, signal, end, low, high in ENDS[figure]
+    )
+
+
+def nearest(values: Array, low: float, high: float) -> float:
+    """Return the value that lies nearest to a range: inside if any is."""
+    return float(values[np.abs(values - np.clip(values, low, high)).argmin()])
 
 
 @lru_cache(maxsize=16)
-def medians(name: str) -> Mapping[str, float]:
-    """Return what a trial's metrics come to, medians over the seeds."""
-    return {
-        key: float(np.median(values))
-        for key, values in trial_metrics(load_scenario(name), runs=SEEDS).items()
+def simulated(name: str) -> Scenario:
+    """Return a scenario; of K06's simulated trials with K06's errors of the navigation and nothing chosen.
+
+    The scenarios ``k06-real-...`` have sensors and filters in full, and a loss of thrust that brings the stop
+    trial to rest after 10 s with them.
+    """
+    scenario = load_scenario(name)
+    if scenario.autopilot is None or not name.startswith("k06-real-"):
+        return scenario
+    return replace(scenario, autopilot=replace(scenario.autopilot, navigation="error_model", rudder_loss=0.0))
+
+
+@lru_cache(maxsize=4)
+def run(name: str, own: bool = True) -> Run:
+    """Return one run of a scenario, or of K06's simulation of it (`own`)."""
+    return run_scenario(simulated(name) if own else load_scenario(name))
+
+
+@lru_cache(maxsize=16)
+def measured(name: str, own: bool = True) -> tuple[Mapping[str, float], Mapping[tuple[str, str, str], Array]]:
+    """Return medians over seeds of a trial's metrics, and each seed's extremes by loop, signal and end."""
+    scenario = simulated(name) if own else load_scenario(name)
+    time, outputs = run_trial(scenario, runs=SEEDS)
+    medians = {
+        m.name: float(np.median([measure(m, time, values) for values in outputs[m.of]]))
+        for m in scenario.metrics
     }
+    extremes = {}
+    for signal in UNIT:
+        for end, pick, of_two in (("least", np.min, np.minimum), ("largest", np.max, np.maximum)):
+            real, ideal = (pick(outputs[key], axis=1) for key in (signal, f"ideal_{signal}"))
+            extremes["real", signal, end] = real
+            extremes["ideal", signal, end] = ideal
+            extremes["both", signal, end] = of_two(real, ideal)
+    return medians, extremes
 
 
 def table(name: str) -> Measure:
@@ -64,25 +179,30 @@ def table(name: str) -> Measure:
     return measure
 
 
-def trial(*names: str) -> Measure:
+def trial(figure: str, *names: str) -> Measure:
     """Return what draws trials of the real loop beside the ideal one, and measures them over seeds.
 
     [K06 fig 6.7, 6.8, 6.9, 6.10, 6.11, 6.12] and, of the field, [K06 fig 6.21, 6.22, 6.25, 6.26]
     """
 
-    def measure(folder: Path) -> Mapping[str, float]:
+    def measure_trial(folder: Path) -> Mapping[str, float]:
         values: dict[str, float] = {}
         for name in names:
             label = f"{name.partition('heading-')[2]}: " if len(names) > 1 else ""
             figures(run(name))["comparison"].savefig(folder / f"{name}.png", dpi=130)
-            values |= {f"{label}{key}": value for key, value in medians(name).items()}
+            values |= {f"{label}{key}": value for key, value in measured(name)[0].items()}
             if "ideal_psi" in run(name).columns and "heading_ref" in run(name).columns:
                 c, late = run(name).columns, run(name).time > run(name).time[-1] - 10.0
                 off = np.angle(np.exp(1j * (c["ideal_psi"] - c["heading_ref"])))[late]
                 values[f"{label}heading error of the ideal loop"] = float(np.abs(off).max())
+        for loop, signal, end, low, high in ENDS.get(figure, ()):
+            both = [measured(name)[1][loop, signal, end] for name in names]
+            extreme = np.min(both, axis=0) if end == "least" else np.max(both, axis=0)
+            values[_end_name(loop, signal, end)] = nearest(extreme, low, high)
+            values[f"{_end_name(loop, signal, end).partition(',')[0]}, median"] = float(np.median(extreme))
         return values
 
-    return measure
+    return measure_trial
 
 
 def units(*names: str) -> Mapping[str, str]:
@@ -92,35 +212,43 @@ def units(*names: str) -> Mapping[str, str]:
         label = f"{name.partition('heading-')[2]}: " if len(names) > 1 else ""
         found |= {f"{label}{m.name}": m.unit for m in load_scenario(name).metrics}
         found[f"{label}heading error of the ideal loop"] = "rad"
+    for loop in ("real", "ideal", "both"):
+        for signal, unit in UNIT.items():
+            for end in ("least", "largest"):
+                found[f"{_end_name(loop, signal, end).partition(',')[0]}, median"] = unit
     return found
 
 
-def beside_simulation(field: str, simulated: str, *keys: str) -> Measure:
-    """Return what draws a field trial and measures it less the simulation of a craft without friction."""
+def beside_simulation(figure: str, field: str, without: str, *keys: str) -> Measure:
+    """Return what draws a field trial and measures it less the same loop with a craft without friction."""
 
-    def measure(folder: Path) -> Mapping[str, float]:
-        values = dict(trial(field)(folder))
-        return values | {f"{key}: real less simulated": values[key] - medians(simulated)[key] for key in keys}
+    def measure_both(folder: Path) -> Mapping[str, float]:
+        values = dict(trial(figure, field)(folder))
+        plain = measured(without, own=False)[0]
+        return values | {f"{key}: real less simulated": values[key] - plain[key] for key in keys}
 
-    return measure
+    return measure_both
 
 
 def fig_6_23(folder: Path) -> Mapping[str, float]:
-    """Steady error astern with a dead zone of the fan, the one suspect that fits [K06 fig 6.23]."""
+    """Steady error astern with a dead zone of the fan, by two models of the noise [K06 fig 6.23]."""
     names = ("nothing", "dead zone of the fan, 0.2 N")
-    nothing, dead = steady_errors({name: SUSPECTS[name] for name in names}, runs=6)
     suspect = SUSPECTS[names[1]].fitted_to(load_scenario("k06-real-reverse"))
     figures(run_scenario(suspect))["comparison"].savefig(folder / "dead_zone.png", dpi=130)
-    values = {"error ahead beyond the simulation's": abs(float(dead.ahead.mean() - nothing.ahead.mean()))}
-    for ref, own, base in zip(ASTERN, dead.astern, nothing.astern, strict=True):
-        values[f"error at {ref:g} m/s [m/s]"] = float(own.mean())
-        values[f"the simulation's at {ref:g} m/s [m/s]"] = float(base.mean())
+    values: dict[str, float] = {}
+    for navigation, noise in (("magnetometer", "sensors in full"), ("error_model", "K06's noise")):
+        nothing, dead = steady_errors({n: SUSPECTS[n] for n in names}, runs=6, navigation=navigation)
+        ahead = float(dead.ahead.mean() - nothing.ahead.mean())
+        values[f"error ahead beyond the simulation's, {noise}"] = abs(ahead)
+        for ref, own, base in zip(ASTERN, dead.astern, nothing.astern, strict=True):
+            more = abs(own.mean()) - abs(base.mean())
+            values[f"error at {ref:g} m/s beyond the simulation's, {noise}"] = float(more)
     return values
 
 
 def fig_6_24(folder: Path) -> Mapping[str, float]:
     """Turn of a craft with yaw friction, by the whole loop [K06 fig 6.24]."""
-    real, own = run("k06-field-real-turn"), run("k06-real-turn")
+    real, own = run("k06-field-real-turn"), run("k06-real-turn", own=False)
     figures(real)["comparison"].savefig(folder / "comparison.png", dpi=130)
     values = {m.metric.name: m.value for m in real.metrics()}
     rate = own.columns["true_r"]
@@ -161,9 +289,10 @@ def _table(number: str, law: str, printed: Mapping[str, float]) -> Item:
 
 _DEGREE = math.radians(1.0)
 _OFF = "heading error of the ideal loop"
-_STEADY = (
-    "one run of K06 against medians over seeds; the ideal loop has 0.94 m/s after 5 s, so that noise decides"
+_TOLERANCE = about(
+    f"bangbang: {_OFF}", _DEGREE, 0.1 * _DEGREE, "rad", text="chatters at its tolerance, 1 deg"
 )
+_BEYOND = at_least(f"proportional: {_OFF}", _DEGREE, "rad", text="a steady-state error, beyond 1 deg")
 
 ITEMS = [
     _table("6.1", "stop", {"u": 0.2, "v": -0.7, "r": 6.4, "k1": 1.0, "k2": 2.5}),
@@ -172,16 +301,17 @@ ITEMS = [
         "fig",
         "6.7",
         "stop, simulated real loop",
-        trial("k06-real-stop"),
+        trial("6.7", "k06-real-stop"),
         (
             about(
-                "time until the yaw rate stays within 0.3 rad/s",
+                "time until the surge stays within 0.1 m/s",
                 10.0,
                 2.0,
                 "s",
                 text="roughly 10 s",
-                fitted="by the loss of thrust at a turned rudder",
+                fitted="by the band that counts as rest, two standard deviations of the noise at the end",
             ),
+            *ends("6.7"),
         ),
         lacks=NOISE,
         units=partial(units, "k06-real-stop"),
@@ -192,13 +322,15 @@ ITEMS = [
         "fig",
         "6.8",
         "forward at 1.1 m/s, simulated real loop",
-        trial("k06-real-forward"),
+        trial("6.8", "k06-real-forward"),
         (
             about("time until 1.1 m/s for the first time", 5.0, 1.0, "s", text="about 5 s"),
-            at_most("surge from 8 s, farthest from 1.1 m/s", 0.1, "m/s", text="+-0.1 m/s"),
+            about(
+                "surge from 8 s, farthest from 1.1 m/s", 0.1, 0.05, "m/s", text="fluctuates between +-0.1 m/s"
+            ),
+            *ends("6.8"),
         ),
         lacks=NOISE,
-        why=_STEADY,
         units=partial(units, "k06-real-forward"),
     ),
     _table(
@@ -211,13 +343,12 @@ ITEMS = [
         "fig",
         "6.9",
         "reverse at 0.76 m/s, simulated real loop",
-        trial("k06-real-reverse"),
+        trial("6.9", "k06-real-reverse"),
         (
             about("time until -0.71 m/s, 0.05 from what is told", 5.0, 1.0, "s", text="roughly five seconds"),
-            at_most("yaw rate from 8 s, largest", 0.5, "rad/s", text="the axis spans -0.5 to 0.4 rad/s"),
+            *ends("6.9"),
         ),
         lacks=NOISE,
-        why="one run of K06 against medians over seeds",
         units=partial(units, "k06-real-reverse"),
     ),
     _table("6.4", "turn", {"u": 0.0, "v": 0.0, "r": 0.1, "yaw_rate_ref": 3.0, "k1": 0.5, "k2": 3.5}),
@@ -226,8 +357,8 @@ ITEMS = [
         "fig",
         "6.10",
         "turn at 3 rad/s, simulated real loop",
-        trial("k06-real-turn"),
-        (about("yaw rate, mean", 3.0, 0.1, "rad/s", text="oscillates about 3 rad/s"),),
+        trial("6.10", "k06-real-turn"),
+        (about("yaw rate, mean", 3.0, 0.1, "rad/s", text="oscillates about 3 rad/s"), *ends("6.10")),
         lacks=NOISE,
         units=partial(units, "k06-real-turn"),
     ),
@@ -236,9 +367,11 @@ ITEMS = [
         "fig",
         "6.11",
         "heading to 5 rad, both laws",
-        trial("k06-real-heading-bangbang", "k06-real-heading-proportional"),
-        (at_most(f"bangbang: {_OFF}", _DEGREE * 1.05, "rad", text="within the tolerance of 1 deg"),),
-        lacks=NOISE + "; figures of the real loop's headings at their end",
+        trial("6.11", "k06-real-heading-bangbang", "k06-real-heading-proportional"),
+        (_TOLERANCE, _BEYOND, *ends("6.11")),
+        lacks=NOISE
+        + "; figures of the real loop's headings at their end. The initial velocities are read off "
+        "the upper ends of the axes",
         units=partial(units, "k06-real-heading-bangbang", "k06-real-heading-proportional"),
     ),
     Item(
@@ -246,9 +379,15 @@ ITEMS = [
         "fig",
         "6.12",
         "heading from rest to 1 rad, both laws",
-        trial("k06-real-heading-bangbang-rest", "k06-real-heading-proportional-rest"),
-        (at_most(f"bangbang-rest: {_OFF}", _DEGREE * 1.05, "rad", text="within the tolerance of 1 deg"),),
+        trial("6.12", "k06-real-heading-bangbang-rest", "k06-real-heading-proportional-rest"),
+        (
+            replace(_TOLERANCE, name=f"bangbang-rest: {_OFF}"),
+            replace(_BEYOND, name=f"proportional-rest: {_OFF}"),
+            *ends("6.12"),
+        ),
         lacks=NOISE + "; figures of the real loop's headings at their end",
+        why="not known. K06's ideal loop backs at more than 0.1 m/s, ours at 0.084; in all our runs the real "
+        "craft slides less than K06's to the left",
         units=partial(units, "k06-real-heading-bangbang-rest", "k06-real-heading-proportional-rest"),
     ),
     Item(
@@ -257,7 +396,7 @@ ITEMS = [
         "6.21",
         "stop, real craft",
         beside_simulation(
-            "k06-field-stop", "k06-real-stop", "time until the yaw rate stays within 0.3 rad/s"
+            "6.21", "k06-field-stop", "k06-real-stop", "time until the yaw rate stays within 0.3 rad/s"
         ),
         (
             at_most(
@@ -266,8 +405,11 @@ ITEMS = [
                 "s",
                 text="faster than predicted by the simulation",
             ),
+            *ends("6.21"),
         ),
         lacks=FIELD,
+        why="not known: from table 6.1's start neither our craft with yaw friction nor the one without comes "
+        "to 0.8 m/s",
     ),
     Item(
         "k06",
@@ -275,7 +417,7 @@ ITEMS = [
         "6.22",
         "forward at 1.1 m/s, real craft",
         beside_simulation(
-            "k06-field-forward", "k06-real-forward", "time until 1.0 m/s", "sway from 8 s, largest"
+            "6.22", "k06-field-forward", "k06-real-forward", "time until 1.0 m/s", "sway from 8 s, largest"
         ),
         (
             about(
@@ -285,9 +427,11 @@ ITEMS = [
                 "s",
                 text="transients practically identical",
             ),
-            at_most("sway from 8 s, largest", 0.25, "m/s", text="the axis spans +-0.25 m/s"),
+            *ends("6.22"),
         ),
         lacks=FIELD,
+        why="our real loop has the noise of K06's sensors and filters as stated, which is too small on the "
+        "rotating bench, too (table 6.7)",
     ),
     Item(
         "k06",
@@ -296,16 +440,33 @@ ITEMS = [
         "reverse at 0.76 m/s, real craft",
         fig_6_23,
         (
-            at_most(
-                "error ahead beyond the simulation's",
-                0.05,
-                "m/s",
-                text="ahead the agreement is excellent",
-                fitted="the suspect is chosen so",
+            *(
+                at_most(
+                    f"error ahead beyond the simulation's, {noise}",
+                    VISIBLE,
+                    "m/s",
+                    text="ahead the agreement is excellent",
+                    fitted="the suspect is chosen so",
+                )
+                for noise in ("sensors in full", "K06's noise")
+            ),
+            *(
+                at_least(
+                    f"error at {ref:g} m/s beyond the simulation's, {noise}",
+                    VISIBLE,
+                    "m/s",
+                    text="a nontrivial steady-state error, at any reference",
+                    fitted=fitted,
+                )
+                for noise, fitted in (("sensors in full", "the suspect is chosen so"), ("K06's noise", ""))
+                for ref in ASTERN
             ),
         ),
-        lacks="the size of the error; a dead zone of 0.2 N is the one suspect of nine that leaves one at "
-        "each reference astern and none ahead (analyze k06_reverse_error)",
+        lacks="the size of the error",
+        why="a dead zone of the fan is one candidate, and it depends on the noise: of nine suspects it alone "
+        "leaves an error at each reference astern and none ahead with sensors and filters in full; with the "
+        "variances that K06 prints noise carries the command across the dead zone, and none of the nine does "
+        "(analyze k06_reverse_error)",
     ),
     Item(
         "k06",
@@ -334,7 +495,7 @@ ITEMS = [
         "fig",
         "6.25",
         "bang-bang heading to 90 deg, real craft",
-        trial("k06-field-heading-bangbang"),
+        trial("6.25", "k06-field-heading-bangbang"),
         lacks=FIELD,
         units=partial(units, "k06-field-heading-bangbang"),
     ),
@@ -343,7 +504,7 @@ ITEMS = [
         "fig",
         "6.26",
         "proportional heading to 90 deg, real craft",
-        trial("k06-field-heading-proportional"),
+        trial("6.26", "k06-field-heading-proportional"),
         lacks=FIELD,
         units=partial(units, "k06-field-heading-proportional"),
     ),

@@ -39,7 +39,7 @@ def with_variable_pitch(scenario: Scenario, propeller: VariablePitch | None = No
     --------
     >>> from hovercontrol.scenarios import load_scenario
     >>> with_variable_pitch(load_scenario("k06-real-reverse")).autopilot.propeller.thrust
-    2.088
+    1.944
     """
     own = scenario.autopilot
     if own is None or own.tables is not None:

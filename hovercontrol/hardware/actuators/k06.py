@@ -2,8 +2,8 @@
 
 Published are the regression (4.3), the ratio (4.4), and what the tables are like: 14 rudder angles 5 degrees
 apart by 161 forces 0.025 N apart, speeds of 3000 to 12 000 RPM, force quadratic in the speed and falling
-with the rudder angle, about 1.45 N at 10 000 RPM (figure 4.5). The entries are not published. **The tables
-here are stand-ins, generated from these facts**; who has measured ones reads them by
+with the rudder angle, between 1.5 and 2 N at 12 000 RPM (the axis of figure 4.5). The entries are not
+published. **The tables here are stand-ins, generated from these facts**; who has measured ones reads them by
 :func:`~hovercontrol.hardware.actuators.read_fan_table`.
 """
 
@@ -28,8 +28,9 @@ RUDDER_SLOPE, RUDDER_OFFSET = -1.40, 0.566 * DEGREE
 #: (4.4): coefficients of x^3 ... 1, x = RPM/1000, and where it holds.
 REVERSE_RATIO, RATIO_RANGE = (9.734e-4, -3.277e-2, 3.833e-1, -1.099), (6.0, 12.0)
 
-#: Forward thrust [N] at 10 000 RPM and rudder 0, read off figure 4.5.
-THRUST_AT_10000 = 1.45
+#: Forward thrust [N] at 10 000 RPM and rudder 0: 1.94 N at 12 000 RPM. The last tick of figure 4.5 is 1.5 N,
+#: so that its mesh ends below 2 N; the force table's columns reach to 2 N, so that it ends near that.
+THRUST_AT_10000 = 1.35
 
 #: The tables' axes: rudder angles [degree] as figure 4.3 spans them, forces [N]; speeds used [RPM].
 RUDDER_ROWS = np.arange(-35.0, 31.0, 5.0)
@@ -96,7 +97,7 @@ def _quantity(value: Quantity) -> Quantity:
 def forward_thrust(speed: ArrayLike, rudder: ArrayLike = 0.0) -> Floats:
     """Return the fan's forward force [N]: the stand-in for K06's quadratic fits, one for each rudder angle.
 
-    ``1.45 N (speed/10 000 RPM)^2 cos(rudder)``: the cosine is what a turned vane leaves of the axial
+    ``1.35 N (speed/10 000 RPM)^2 cos(rudder)``: the cosine is what a turned vane leaves of the axial
     momentum; K06 says only that the force falls with the angle.
 
     Parameters
@@ -118,7 +119,7 @@ def forward_thrust(speed: ArrayLike, rudder: ArrayLike = 0.0) -> Floats:
     Examples
     --------
     >>> forward_thrust([5_000.0, 10_000.0]).tolist()
-    [0.3625, 1.45]
+    [0.3375, 1.35]
     """
     n, angle = together("forward_thrust", speed=speed, rudder=rudder)
     return np.asarray(THRUST_AT_10000 * (n / 1e4) ** 2 * np.cos(angle * DEGREE))
@@ -168,7 +169,7 @@ def fan_force(speed: ArrayLike, rudder: ArrayLike = 0.0) -> Floats:
     Examples
     --------
     >>> fan_force([10_000.0, -10_000.0]).round(3).tolist()
-    [1.45, -0.624]
+    [1.35, -0.581]
     """
     n, angle = together("fan_force", speed=speed, rudder=rudder)
     return np.where(n < 0, -reverse_ratio(n), 1.0) * forward_thrust(n, angle)

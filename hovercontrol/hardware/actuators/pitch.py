@@ -73,11 +73,11 @@ class VariablePitch:
     Examples
     --------
     >>> round(VariablePitch(lag=0.0).thrust, 3)
-    2.088
+    1.944
     """
 
     thrust: float = float(forward_thrust(HIGHEST_SPEED))
-    pitch: float = 0.135
+    pitch: float = 0.128
     inflow: float = 0.6
     lag: float = 0.05
     rudder_loss: float = 0.0
@@ -130,9 +130,9 @@ def pitch_lookup(propeller: VariablePitch | None = None, *, name: str = "pitch_l
 
     Examples
     --------
-    >>> pitch, outside = pitch_lookup().to_numpy().outputs(0.0, (), [-2.088, 0.0])
+    >>> pitch, outside = pitch_lookup().to_numpy().outputs(0.0, (), [-1.944, 0.0])
     >>> round(float(pitch), 6), float(outside)
-    (-0.135, 0.0)
+    (-0.128, 0.0)
     """
     made = propeller or VariablePitch()
     parameters = made.signals()
@@ -236,8 +236,8 @@ def pitch_thrust(
 
     Examples
     --------
-    >>> pitch_thrust().to_numpy().outputs(0.0, (), [-0.135, 0.0]).round(3).tolist()
-    [-2.088, -0.007]
+    >>> pitch_thrust().to_numpy().outputs(0.0, (), [-0.128, 0.0]).round(3).tolist()
+    [-1.944, -0.007]
     """
     made = propeller or VariablePitch()
     parameters = (*regression_signals(slope, offset, name), *made.signals())
@@ -294,7 +294,7 @@ def variable_pitch_propeller(
     >>> block = variable_pitch_propeller()
     >>> run = block.start(inputs={"thrust_command": -1.0})
     >>> [round(float(run.step(None, 0.1)[0]), 2) for _ in range(4)]
-    [-0.86, -0.98, -1.0, -1.0]
+    [-0.87, -0.98, -1.0, -1.0]
     """
     made = propeller or VariablePitch()
     lookup = rename(pitch_lookup(made), {RUDDER_ANGLE_COMMAND.name: RUDDER_ANGLE.name})
@@ -327,9 +327,9 @@ def blade_element(
 
     Examples
     --------
-    >>> pitch, inflow = blade_element(2.088, 0.0889, 1256.6, 0.015)  # 7 in, 12 000 RPM
+    >>> pitch, inflow = blade_element(1.944, 0.0889, 1256.6, 0.015)  # 7 in, 12 000 RPM
     >>> round(pitch, 3), round(inflow, 2)
-    (0.135, 0.59)
+    (0.128, 0.6)
     """
     given = {"thrust": thrust, "radius": radius, "speed": speed, "chord": chord, "air": air, "blades": blades}
     for key, value in given.items():

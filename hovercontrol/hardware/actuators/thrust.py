@@ -71,7 +71,7 @@ def thrust_lookup(
     Examples
     --------
     >>> block = thrust_lookup(period=0.0)
-    >>> speed, outside = block.to_numpy().outputs(0.0, (), [1.45, 0.0])
+    >>> speed, outside = block.to_numpy().outputs(0.0, (), [1.35, 0.0])
     >>> round(speed / RPM), float(outside)
     (10000, 0.0)
     """
@@ -144,7 +144,7 @@ def thrust_force(
     --------
     >>> block = thrust_force()
     >>> block.to_numpy().outputs(0.0, (), [10000 * RPM, 0.0]).round(4).tolist()  # rudder 0: 0.4 degrees
-    [1.45, -0.0071]
+    [1.35, -0.0071]
     """
     known = _over("speed", fan_tables()[1] if table is None else table, name)
     parameters = (*regression_signals(slope, offset, name), _SPEED_UNIT, _FORCE_UNIT)

@@ -11,7 +11,8 @@ from hovercontrol.analysis.lyapunov import decay, fastest_beta, lyapunov_functio
 from hovercontrol.analysis.normal_form import ERRORS, coefficient, normal_form, symbol
 from hovercontrol.analysis.zero_dynamics import predict
 from hovercontrol.core.sgn import sgn
-from hovercontrol.documents.c17.gains import beta_region, gain_region
+from hovercontrol.documents.c17.beta_region import beta_region
+from hovercontrol.documents.c17.gain_region import gain_region
 from hovercontrol.documents.k06.turn_basins import turn_basins
 from hovercontrol.errors import InputError
 from hovercontrol.models.vehicles import c17_experiment, c17_simulation

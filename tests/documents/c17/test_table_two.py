@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hovercontrol.documents.c17.table_two import mean_errors
+from hovercontrol.documents.c17.mean_errors import mean_errors
 from hovercontrol.errors import InputError
 from hovercontrol.scenarios import load_scenario, run_scenario
 from hovercontrol.scenarios.definition import Metric, Phase

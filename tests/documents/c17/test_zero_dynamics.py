@@ -19,7 +19,7 @@ from hovercontrol.analysis.zero_dynamics import (
 )
 from hovercontrol.controllers.references import line
 from hovercontrol.core.sgn import sgn
-from hovercontrol.documents.c17.arm_region import arm_region
+from hovercontrol.documents.c17.zero_dynamics import arm_region
 from hovercontrol.errors import InputError
 from hovercontrol.models.vehicles import c17_simulation
 
@@ -227,7 +227,9 @@ def test_what_has_not_settled_on_a_side_is_on_neither(monkeypatch):
     maps = [judge[n] for n in ("nose", "stern", "unsettled")]
     assert (sum(m.astype(int) for m in maps) == judge["bounded"]).all()
     assert judge["unsettled"][:, 6].all()  # a = 0
-    module = sys.modules["hovercontrol.documents.c17.arm_region"]  # the package has a function of that name
+    module = sys.modules[
+        "hovercontrol.documents.c17.zero_dynamics"
+    ]  # the package has a function of that name
     monkeypatch.setattr(module, "MOTION", module.MotionCriteria(settled=2.0))  # whatever it still does
     _, hasty = arm_region(*ranges, points=13)
     wrongly = hasty["nose"] & judge["unsettled"]

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from hovercontrol.documents import Item, Outcome, about, all_items, at_most, chosen_items, reproduce
+from hovercontrol.documents import Item, Outcome, about, all_items, at_most, find_items, rebuild
 from hovercontrol.documents.index import index_content
 from hovercontrol.errors import InputError
 
@@ -40,7 +40,7 @@ def test_what_fails_is_told_and_the_others_are_rebuilt(tmp_path):
 
     other = Item("c17", "fig", "3", "a figure", draw, (at_most("e", 0.1, "m"),), why="<drag>")
     missing = Item("c17", "fig", "4", "another", draw, (at_most("f", 0.1),))
-    outcomes = reproduce([_item(measure=fail), other, missing], tmp_path)
+    outcomes = rebuild([_item(measure=fail), other, missing], tmp_path)
     assert [o.verdict for o in outcomes] == ["failed", "differs", "failed"]
     content = json.loads((tmp_path / "index.json").read_text())
     assert content == index_content(outcomes)
@@ -50,22 +50,21 @@ def test_what_fails_is_told_and_the_others_are_rebuilt(tmp_path):
     page = (tmp_path / "index.html").read_text()
     assert "&lt;drag&gt;" in page and "1 differs" in page and "2 failed" in page
     assert "Hovercraft Control With Dynamic Parameters Identification" in page and 'name="viewport"' in page
-    assert "hovercontrol reproduce c17 --only &quot;fig 3&quot;" in page
+    assert "hovercontrol analyze &quot;c17 fig 3&quot;" in page
     assert (tmp_path / "c17_fig_3" / "e.csv").read_text() == "1"
 
 
-@pytest.mark.parametrize("name", ["table 1", "table1", "Table  1"])
+@pytest.mark.parametrize("name", ["table 1", "table1", "Table  1", "c17 table 1"])
 def test_an_item_is_found_under_the_names_that_one_would_type(name):
-    assert [i.name for i in chosen_items("c17", [name])] == ["table 1"]
+    assert [i.name for i in find_items("c17", name)] == ["table 1"]
 
 
 def test_unknown_names_are_refused_with_the_nearest():
-    with pytest.raises(InputError, match="did you mean 'fig 5'"):
-        chosen_items("c17", ["figure 5x"])
+    assert find_items("c17", "figure 5x") == []
     with pytest.raises(InputError, match="unknown document 'c18'; did you mean 'c17'"):
-        chosen_items("c18")
+        all_items("c18")
     with pytest.raises(InputError, match="nothing to rebuild"):
-        reproduce([], "nowhere")
+        rebuild([], "nowhere")
 
 
 def test_each_item_has_one_entry_and_a_folder_of_its_own():
@@ -75,7 +74,13 @@ def test_each_item_has_one_entry_and_a_folder_of_its_own():
 
 
 def test_the_command_lists_and_rebuilds(call, tmp_path):
-    done = call("reproduce", "c17", "--list")
-    assert done.returncode == 0 and "table 1" in done.stdout
-    done = call("reproduce", "c17", "--only", "eq 99")
+    done = call("analyze", "--list", "--document", "c17")
+    listed = done.stdout.splitlines()
+    assert done.returncode == 0 and any(line.startswith("c17 table 1 ") for line in listed)
+    assert any("c17_beta_region" in line and "analysis: " in line for line in listed)
+    assert not any(line.startswith("k06") for line in listed)
+    done = call("analyze", "c17 figure 5x")
     assert done.returncode == 2 and done.stderr.count("\n") == 1
+    done = call("analyze", "eq 19", "--out", str(tmp_path))
+    assert done.returncode == 0 and "1 not printed in enough detail" in done.stdout
+    assert {"index.html", "index.json", "c17_eq_19"} <= {path.name for path in tmp_path.iterdir()}
