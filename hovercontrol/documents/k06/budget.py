@@ -21,19 +21,12 @@ from hovercontrol.scenarios import Scenario, load_scenario
 #: K06's trials, as ``k06-real-...``.
 TRIALS = ("stop", "forward", "reverse", "turn", "heading-bangbang", "heading-proportional")
 
-#: The error model's sizes if K06's "variances" were such, in SI units, rather than standard deviations.
-AS_VARIANCES = {
-    "navigation.acceleration_bias": math.sqrt(0.025),
-    "navigation.gyro_bias": math.sqrt(math.radians(1.0)),
-    "navigation.gyro_noise": math.sqrt(math.radians(0.5)),
-}
-
 
 def main(out: Path, progress: Progress | None = None, *, trial: str = "", runs: int = 20) -> list[Path]:
     """Run each trial with every imperfection alone and with all but it; rank their costs."""
     trials = [_real(trial)] if trial else [f"k06-real-{name}" for name in TRIALS]
     tell = progress or (lambda share: None)
-    jobs = len(trials) + 2 * ("k06-real-forward" in trials)
+    jobs = len(trials) + ("k06-real-forward" in trials)
     found: list[Budget] = []
     for k, name in enumerate(trials):
         found.append(
@@ -47,8 +40,7 @@ def main(out: Path, progress: Progress | None = None, *, trial: str = "", runs: 
             modelled = _by_error_model(scenario)
             readings = {
                 "sensors and filters in full": one,
-                "K06's error model, standard deviations": budget(modelled, runs=runs),
-                "K06's error model, variances": budget(modelled, runs=runs, params=AS_VARIANCES),
+                "K06's error model": budget(modelled, runs=runs),
             }
             findings += _verdict(readings)
     tell(1.0)
