@@ -76,7 +76,8 @@ def test_another_that_predicts_better_takes_the_place_of_one_that_does_not(slope
 def test_twins_of_what_takes_a_place_are_readings_of_it(sloped):
     _, base, fit, other = sloped
     blocks = agreement(fit, base, "slope")
-    fits = [SimpleNamespace(model=base.model.with_effects([effect(n, seconds=0.02)])) for n in LATE]
+    models = [base.model.with_effects([effect(n, seconds=0.02)]) for n in LATE]
+    fits = [SimpleNamespace(model=m, problem=SimpleNamespace(model=m)) for m in models]
     late = [Tried(n, f, 1.0, blocks, 1) for n, f in zip(LATE, fits, strict=True)]
     given = selection(base, other, "rudder_offset", tuple(("rudder_offset", t) for t in late))
     changed = _with_other(given, "rudder_offset", late[0])

@@ -110,7 +110,7 @@ def _rivals(
     alternatives: list[tuple[str, Tried]] = []
     for name, mine in now.own.items():
         less = now.without[name]
-        for s in _contenders(search, less, name):
+        for s in _contenders(search, less, mine):
             if mine.effect.twin(s.candidate.trial):
                 rivals.append(Rival(s.candidate.name, name, 0.0, 0.0, mine.fit, True))
                 continue
@@ -130,12 +130,18 @@ def _rivals(
     return rivals, alternatives
 
 
-def _contenders(search: Search, less: Fit, name: str) -> list[Scored]:
-    """Return the candidates that may fit as well in place of a named effect, by gain on left-out blocks."""
+def _contenders(search: Search, less: Fit, named: Tried) -> list[Scored]:
+    """Return the candidates that may fit as well in place of a named effect, by gain on left-out blocks.
+
+    What is the same in every log comes first: it needs no fit.
+    """
     criteria = search.criteria
     alone = singles(Scores(less, candidates(less, search.names)))
     asked = max(TRIALS.promised * criteria.least, criteria.share * max((s.gain for s in alone), default=0.0))
-    return [s.members[0] for s in alone if s.names[0] != name and s.gain > asked][: criteria.tries]
+    others = [one for one in alone if one.names[0] != named.name]
+    same = [s for one in others for s in one.members if named.effect.twin(s.candidate.trial)]
+    good = [one.members[0] for one in others if one.gain > asked and one.members[0] not in same]
+    return [*same, *good[: criteria.tries]]
 
 
 def _alike(search: Search, t: Tried, other: Tried) -> Tried:

@@ -119,7 +119,7 @@ def _forbidden(seen: Sequence[Scored]) -> list[Decision]:
 
 
 def _fitted(search: Search, current: Fit, scores: Scores, most: int) -> list[Added]:
-    """Return the fits with the best effects alone, and with the set that gains more than each alone.
+    """Return the fits with the best effects alone and, if none of them passes, with a set that gains more.
 
     The gain on left-out blocks is a linear prediction. An effect is fitted if it promises enough, and not
     much less than the best one whose fit keeps its promise: a wrong scale of a motor's tachometer promised
@@ -140,7 +140,8 @@ def _fitted(search: Search, current: Fit, scores: Scores, most: int) -> list[Add
         kept = added is not None and added.last.gain >= TRIALS.half * one.gain
         broken += not kept
         best = max(best, one.gain) if kept else best
-    several = together(scores, alone, criteria, most) if best else None
+    passed = any(passes(a.last, len(scores.best()), criteria) for a in found)
+    several = together(scores, alone, criteria, most) if best and not passed else None
     added = _added_in_turn(search, current, several.members) if several else None
     return [*found, *([added] if added else [])]
 
