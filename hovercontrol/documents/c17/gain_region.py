@@ -59,12 +59,8 @@ def gain_region(
         The error [m] to stay below during the last tenth of it.
     start : mapping, optional
         Initial state by ``plant.NAME``, over zero.
-    executor : concurrent.futures.Executor, optional
-        Where the simulations are done; default threads of this machine.
-    checkpoint : path, optional
-        Folder from which the same map resumes.
-    progress : callable, optional
-        Called now and then with the number of runs done.
+    executor, checkpoint, progress
+        As for :meth:`~hovercontrol.targets.compiled.CompiledBlock.sweep`.
 
     Returns
     -------

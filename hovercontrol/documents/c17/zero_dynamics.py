@@ -90,12 +90,8 @@ def arm_region(
         Angle from the course to the heading at the start [rad]; default nose-first.
     duration : float, optional
         Of each simulation along C17's ellipse [s].
-    executor : concurrent.futures.Executor, optional
-        Where the simulations are done; default threads of this machine.
-    checkpoint : path, optional
-        Folder from which the same map resumes.
-    progress : callable, optional
-        Called now and then with the number of runs done.
+    executor, checkpoint, progress
+        As for :meth:`~hovercontrol.targets.compiled.CompiledBlock.sweep`.
 
     Returns
     -------
