@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import replace
 from functools import lru_cache, partial
 from pathlib import Path
 
@@ -20,6 +19,7 @@ from hovercontrol.documents.printed import Measure, printed, rebuilds
 from hovercontrol.scenarios import Run, Scenario, load_scenario, run_scenario
 from hovercontrol.scenarios.figures import figures
 from hovercontrol.scenarios.measures import measure
+from hovercontrol.scenarios.real_figures import within_a_turn
 
 Array = NDArray[np.float64]
 
@@ -68,7 +68,7 @@ def simulated(name: str) -> Scenario:
     scenario = load_scenario(name)
     if scenario.autopilot is None or not name.startswith("k06-real-"):
         return scenario
-    return replace(scenario, autopilot=replace(scenario.autopilot, navigation="error_model", rudder_loss=0.0))
+    return scenario.with_autopilot(navigation="error_model", rudder_loss=0.0)
 
 
 @lru_cache(maxsize=4)
@@ -211,9 +211,7 @@ def fig_6_27(folder: Path) -> Mapping[str, float]:
     values = {}
     for kind, style in (("bangbang", "-"), ("proportional", "--")):
         own = run(f"k06-field-heading-{kind}")
-        heading = np.mod(own.columns["true_psi"], 2 * math.pi)
-        heading[1:][np.abs(np.diff(heading)) > math.pi] = np.nan
-        axes.plot(own.time, heading, style, label=kind)
+        axes.plot(own.time, within_a_turn(own.columns["true_psi"]), style, label=kind)
         late = own.time > 20.0
         off = np.angle(np.exp(1j * (own.columns["true_psi"] - 0.5 * math.pi)))[late]
         values[f"{kind}: rms heading error from 20 s [rad]"] = float(np.sqrt(np.mean(off**2)))
