@@ -27,37 +27,14 @@ Point = ArrayLike | Mapping[str, float] | Trim
 RETURNED = "_returned"
 
 
-def break_loop(blocks: Sequence[Block], at: str | Sequence[str], name: str = "loop") -> Block:
-    """Return Blocks joined with wires cut: inputs `at`, outputs ``AT_returned``.
-
-    Parameters
-    ----------
-    blocks : sequence of Block
-        That join to a closed loop without inputs.
-    at : str or sequence of str
-        Signals that one of the Blocks drives.
-    name : str, optional
-
-    Raises
-    ------
-    InputError
-        If nothing drives the signal, or the Blocks leave other inputs open.
-    """
-    cut = [at] if isinstance(at, str) else list(at)
-    whole = _cut_blocks(blocks, cut, name)
-    if len(whole.inputs) > len(cut):
-        raise _open(name, whole.inputs[len(cut)].name)
-    return whole
-
-
 def _open(name: str, signal: str) -> InputError:
     return InputError(
         f"{name}: nothing drives {signal!r}: a loop to be cut must be closed, or its value given"
     )
 
 
-def _cut_blocks(blocks: Sequence[Block], cut: Sequence[str], name: str) -> Block:
-    """Return Blocks joined with wires cut; open inputs come after these."""
+def cut_blocks(blocks: Sequence[Block], cut: Sequence[str], name: str) -> Block:
+    """Return Blocks joined with wires cut: inputs `cut`, then open ones; outputs ``WIRE_returned``."""
     driven = {s.name for block in blocks for s in block.outputs}
     for signal in cut:
         if signal not in driven:
@@ -124,7 +101,7 @@ class CutLoop:
             symbols = Expressions((s.name, s.symbol) for s in self._cut.inputs[: self._n])
             self._closed = loop.unchecked(outputs=self._cut.inputs[: self._n], output_expressions=symbols)
         else:
-            self._cut = _cut_blocks(loop, cut, "loop")
+            self._cut = cut_blocks(loop, cut, "loop")
             self._closed = interconnect(loop, "loop", outputs=cut)
 
     def linearize(

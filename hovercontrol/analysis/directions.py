@@ -88,20 +88,6 @@ class Direction:
         return " with ".join([terms[0], ", ".join(terms[1:])]) if terms[1:] else terms[0]
 
 
-def readable_basis(basis: Array) -> Array:
-    """Return another basis of k rows, shape (k, m); each row has one column to itself."""
-    rows = basis.copy()
-    for k in range(len(rows)):
-        lead = _first_largest(np.abs(rows[k:]).max(axis=0))
-        pick = k + int(np.abs(rows[k:, lead]).argmax())
-        rows[[k, pick]] = rows[[pick, k]]
-        rows[k] /= rows[k, lead]
-        for other in range(len(rows)):
-            if other != k:
-                rows[other] -= rows[other, lead] * rows[k]
-    return rows
-
-
 def _first_largest(sizes: Array) -> int:
     """Return where the largest is, the first of those that differ by rounding only."""
     return int(np.flatnonzero(sizes >= sizes.max() * (1 - 1e-6))[0])

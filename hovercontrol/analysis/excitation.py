@@ -20,10 +20,11 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
-from hovercontrol.analysis.directions import Direction, readable_basis
+from hovercontrol.analysis.directions import Direction
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
+from hovercontrol.estimators.observable_subspace import readable
 from hovercontrol.estimators.regression import Regression, regression
 from hovercontrol.estimators.regressors import Regressors
 from hovercontrol.io.pyplot import open_in_pyplot
@@ -286,7 +287,7 @@ def _function_set(
     s = np.append(s, np.zeros(len(live) - len(s)))
     hidden = Vt[s < tolerance * s[0]] if live.size else Vt[:0]
     vectors = [np.eye(len(own))[j] for j in np.flatnonzero(zero)]
-    for row in readable_basis(hidden):
+    for row in readable(hidden):
         vectors.append(np.zeros(len(own)))
         vectors[-1][live] = row
     sizes = np.where(zero, 1.0, 1.0 / np.where(zero, 1.0, rms))

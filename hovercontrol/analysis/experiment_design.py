@@ -250,10 +250,8 @@ def ellipse_errors(
         Angular rate [rad/s], positive.
     model, coefficients, actuators, duration, noise, disturbance, executor
         As for :func:`expected_errors`.
-    checkpoint : path, optional
-        Folder from which the same map resumes.
-    progress : callable, optional
-        Called now and then with the number of runs done.
+    checkpoint, progress
+        As for :meth:`~hovercontrol.targets.compiled.CompiledBlock.sweep`.
 
     Returns
     -------

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.analysis.cut_loop import CutLoop
 from hovercontrol.analysis.loop_modes import OutsideModes, split_loop, split_sampled
-from hovercontrol.analysis.margins import Margins, loop_margins
+from hovercontrol.analysis.margins import Margins, loop_margins, negative
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
@@ -122,9 +122,7 @@ def broken(
         raise InputError("wire: expected the signal at which the loop is broken")
     else:
         line = CutLoop(loop, wire).linearize(at, time, params, friction=friction, amplitude=amplitude)
-        L = control.StateSpace(
-            line.A, line.B, -line.C, -line.D, line.dt, states=line.state_labels, remove_useless_states=False
-        )
+        L = negative(line)
     split = split_sampled if L.isdtime(strict=True) else split_loop
     return Broken(*split(L), loop_margins(L))
 

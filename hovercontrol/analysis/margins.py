@@ -149,7 +149,7 @@ def margins(
     (90.0, 0.7854, 0.5)
     """
     line = CutLoop(loop, wire).linearize(at, time, params, friction=friction, amplitude=amplitude)
-    return _of_line(line)
+    return loop_margins(negative(line))
 
 
 @checked
@@ -286,14 +286,14 @@ def margins_along(
     >>> [round(m.phase, 3) for m in found.each]
     [90.0, 90.0]
     """
-    each = tuple(_of_line(line) for line in CutLoop(loop, wire).along(motion, params))
+    each = tuple(loop_margins(negative(line)) for line in CutLoop(loop, wire).along(motion, params))
     return FrozenMargins(np.asarray(motion.time, dtype=float), each)
 
 
-def _of_line(line: control.StateSpace) -> Margins:
-    """Return the margins of a cut loop, whose feedback is positive."""
+def negative(line: control.StateSpace) -> control.StateSpace:
+    """Return the gain L for negative feedback of a cut loop, whose feedback is positive."""
     matrices = line.A, line.B, -line.C, -line.D, line.dt
-    return loop_margins(control.StateSpace(*matrices, states=line.state_labels, remove_useless_states=False))
+    return control.StateSpace(*matrices, states=line.state_labels, remove_useless_states=False)
 
 
 def _at_half_rate(loop: control.StateSpace) -> list[float]:

@@ -21,11 +21,12 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import cumulative_trapezoid
 
-from hovercontrol.analysis.directions import Direction, readable_basis
+from hovercontrol.analysis.directions import Direction
 from hovercontrol.analysis.excitation import mean_weights
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
+from hovercontrol.estimators.observable_subspace import readable
 from hovercontrol.estimators.regression import regression
 from hovercontrol.estimators.regressors import Regressors
 from hovercontrol.io.pyplot import open_in_pyplot
@@ -315,7 +316,7 @@ def observability_gramian(
     known, vectors = _spectrum(centred, eigenvalues[-1])
     null = vectors[:, known == 0]
     units = {name: c.unit for name, c in zip(model.names, model.coefficients, strict=True)}
-    hidden = tuple(Direction.of(units, v, c_sizes) for v in readable_basis(null.T))
+    hidden = tuple(Direction.of(units, v, c_sizes) for v in readable(null.T))
     seen = vectors[:, known > 0] / np.sqrt(known[known > 0])
     lost = np.linalg.norm(null, axis=1) > math.sqrt(SINGULAR)
     std = c_sizes * np.where(lost, np.inf, np.linalg.norm(seen, axis=1))

@@ -21,6 +21,16 @@ from hovercontrol.io.folders import write_folder
 #: Called now and then with the share that is done, 0 to 1.
 Progress = Callable[[float], None]
 
+
+def quiet(share: float) -> None:
+    """Report no progress."""
+
+
+def part(progress: Progress, k: int, of: int, count: float = 1) -> Callable[[float], None]:
+    """Return what reports the progress of part `k` of `of` equal parts, given how much of `count` is done."""
+    return lambda done: progress((k + done / count) / of)
+
+
 #: A table to write: a function that writes it to a path, rows, or columns by name.
 Table = Callable[[Path], object] | Sequence[Mapping[str, Any]] | Mapping[str, ArrayLike]
 
@@ -76,7 +86,7 @@ def script(main: Callable[..., list[Path]], description: str) -> None:
     Parameters
     ----------
     main : callable
-        ``main(out, progress=None)``; returns the files.
+        ``main(out, progress)``; returns the files.
     description : str
         What ``--help`` says.
 

@@ -1,6 +1,6 @@
 """Every table and figure of the source documents again: what they print, what comes out here, a verdict."""
 
-from hovercontrol.documents.item import Item, Outcome, Printed, about, at_least, at_most
+from hovercontrol.documents.item import Item, Outcome, Printed
 from hovercontrol.documents.markers import Place, places
 from hovercontrol.documents.printed import Numbered, numbered_items, printed, rebuilds
 from hovercontrol.documents.registry import all_items, find_items
@@ -10,9 +10,6 @@ __all__ = [
     "Item",
     "Outcome",
     "Printed",
-    "about",
-    "at_least",
-    "at_most",
     "Numbered",
     "Place",
     "numbered_items",

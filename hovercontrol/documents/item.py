@@ -73,72 +73,6 @@ class Printed:
 
 
 @checked
-def about(
-    name: str, value: float, tolerance: float, unit: str = "", *, text: str = "", fitted: str = ""
-) -> Printed:
-    """Return a printed value with the tolerance that its digits or its wording leave.
-
-    Parameters
-    ----------
-    name : str
-        Of the measured value.
-    value, tolerance : float
-        What is printed, and how far off ours may be.
-    unit, text, fitted : str, optional
-        As for :class:`Printed`; default text ``"VALUE UNIT"``.
-
-    Examples
-    --------
-    >>> about("error", 0.6, 0.03, "m", text="around 60 cm").expected
-    '0.57 to 0.63 m'
-    """
-    said = text or f"{value:g} {unit}".strip()
-    return Printed(name, said, value - tolerance, value + tolerance, unit, fitted, value)
-
-
-@checked
-def at_most(name: str, value: float, unit: str = "", *, text: str = "", fitted: str = "") -> Printed:
-    """Return a printed upper bound.
-
-    Parameters
-    ----------
-    name : str
-        Of the measured value.
-    value : float
-        The bound.
-    unit, text, fitted : str, optional
-        As for :class:`Printed`; default text ``"at most VALUE UNIT"``.
-
-    Examples
-    --------
-    >>> at_most("error", 0.1, "m").text
-    'at most 0.1 m'
-    """
-    return Printed(name, text or f"at most {value:g} {unit}".strip(), -math.inf, value, unit, fitted, value)
-
-
-@checked
-def at_least(name: str, value: float, unit: str = "", *, text: str = "", fitted: str = "") -> Printed:
-    """Return a printed lower bound.
-
-    Parameters
-    ----------
-    name : str
-        Of the measured value.
-    value : float
-        The bound.
-    unit, text, fitted : str, optional
-        As for :class:`Printed`; default text ``"at least VALUE UNIT"``.
-
-    Examples
-    --------
-    >>> at_least("speed", 0.5, "m/s").text
-    'at least 0.5 m/s'
-    """
-    return Printed(name, text or f"at least {value:g} {unit}".strip(), value, math.inf, unit, fitted, value)
-
-
-@checked
 @dataclass(frozen=True)
 class Item:
     """A table, figure or equation of a document, and what rebuilds it.
@@ -214,7 +148,7 @@ class Outcome:
 
     Examples
     --------
-    >>> item = Item("c17", "table", "1", "errors", lambda folder: {}, (at_most("error", 0.1, "m"),))
+    >>> item = Item("c17", "table", "1", "errors", lambda folder: {}, (Printed("error", "0.1 m", high=0.1),))
     >>> Outcome(item, {"error": 0.02}).verdict, Outcome(item, {"error": 0.2}).verdict
     ('agrees', 'differs')
     """

@@ -40,7 +40,7 @@ def _rebuilt(document: str) -> list[Item]:
     for name in (m.name for m in pkgutil.walk_packages(package.__path__, f"{package.__name__}.")):
         module = vars(importlib.import_module(name))
         marked = [vars(thing).get("item") for thing in module.values() if inspect.isfunction(thing)]
-        for item in (*filter(None, marked), *module.get("ITEMS", ())):
+        for item in filter(None, marked):
             found[item.document, item.kind, item.number] = item
     return [found[n.key] for n in numbered_items(document) if n.key in found]
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from hovercontrol.autopilot import Imperfections
 from hovercontrol.core.boundary import checked
+from hovercontrol.errors import InputError
 from hovercontrol.hardware.actuators import FanTable, ServoTable, VariablePitch
 from hovercontrol.hardware.sensors import Beacons
 from hovercontrol.io.short_repr import short_repr
@@ -192,6 +193,29 @@ class Scenario:
     file: str = ""
 
     __repr__ = short_repr
+
+    def with_autopilot(self, **changes: Any) -> Scenario:
+        """Return the scenario with other settings of its autopilot.
+
+        Parameters
+        ----------
+        **changes
+            As for :class:`Autopilot`.
+
+        Raises
+        ------
+        InputError
+            If it has no autopilot.
+
+        Examples
+        --------
+        >>> from hovercontrol.scenarios import load_scenario
+        >>> load_scenario("k06-real-stop").with_autopilot(seed=2).autopilot.seed
+        2
+        """
+        if self.autopilot is None:
+            raise InputError(f"{self.name!r} is no trial of the real loop: it has no [autopilot]")
+        return replace(self, autopilot=replace(self.autopilot, **changes))
 
     @property
     def end(self) -> float:

@@ -14,7 +14,7 @@ from hovercontrol.controllers.references import REFERENCES
 from hovercontrol.io.figure_style import figure_style
 from hovercontrol.scenarios.law_figures import law_figures
 from hovercontrol.scenarios.real_figures import comparison
-from hovercontrol.scenarios.time_axes import in_time, mark_phases, own_loop, time_figure, title
+from hovercontrol.scenarios.time_axes import in_time, own_loop, time_figure, title
 
 if TYPE_CHECKING:
     from hovercontrol.scenarios.result import Run
@@ -42,7 +42,7 @@ def _drawn(run: Run) -> dict[str, Figure]:
         drawn["tracking_error"] = _tracking_error(run, error)
     if run.estimates():
         drawn["estimates"] = _estimates(run)
-        drawn["estimation_error"] = _estimation_error(run)
+        drawn["estimation_error"] = _estimates(run, less_truth=True)
     if run.scenario.controller is not None and not run.scenario.tracks:
         drawn |= law_figures(run)
     for signal in (run.scenario.plant.thrust, run.scenario.plant.rudder):
@@ -98,10 +98,8 @@ def _lap(run: Run) -> float:
 
 def _tracking_error(run: Run, error: Array) -> Figure:
     figure, (axes,) = time_figure(run, "tracking error (distance of the control point from the reference)")
-    mark_phases(run, axes)
     in_time(run, axes, {"": error}, "distance [m]")
     axes.set_ylim(bottom=0.0)
-    axes.set_xlabel("time [s]")
     return figure
 
 
@@ -113,12 +111,10 @@ def _velocities(run: Run) -> Figure:
         measured = "measured" if run.scenario.autopilot is None else "by its INS"
         curves = {measured: run.columns[name]} if f"true_{name}" in run.columns else {}
         curves["true" if curves else ""] = run.columns.get(f"true_{name}", run.columns[name])
-        mark_phases(run, axes[k], named=k == 0)
         if told.get(name) in run.columns:
             curves = {"craft" if key == "" else key: values for key, values in curves.items()}
             in_time(run, axes[k], {"wanted": run.columns[told[name]]}, unit, ("k--",))
         in_time(run, axes[k], curves, unit)
-    axes[-1].set_xlabel("time [s]")
     return figure
 
 
@@ -131,9 +127,7 @@ def _heading(run: Run) -> Figure:
     ):
         curves = {"measured": run.columns[name] * factor} if f"true_{name}" in run.columns else {}
         curves["true" if curves else ""] = true[name] * factor
-        mark_phases(run, axes[k], named=k == 0)
         in_time(run, axes[k], curves, label)
-    axes[-1].set_xlabel("time [s]")
     return figure
 
 
@@ -146,28 +140,19 @@ def _families(run: Run) -> list[tuple[str, list[str]]]:
     return [(unit, names) for (unit, _), names in groups.items()]
 
 
-def _estimates(run: Run) -> Figure:
+def _estimates(run: Run, *, less_truth: bool = False) -> Figure:
+    """Return the estimates with the truth dashed, or the estimates less the truth."""
     groups = _families(run)
-    figure, axes = time_figure(run, "estimates (truth dashed)", len(groups), 1.0 + 1.7 * len(groups))
+    what = "estimation error (estimate - truth)" if less_truth else "estimates (truth dashed)"
+    figure, axes = time_figure(run, what, len(groups), 1.0 + 1.7 * len(groups))
     estimates, truth = run.estimates(), run.truth()
-    for k, (unit, names) in enumerate(groups):
-        mark_phases(run, axes[k], named=k == 0)
-        in_time(run, axes[k], {CALLED.get(n, n): estimates[n] for n in names}, f"estimate [{unit}]")
-        for line, name in zip(list(axes[k].lines)[-len(names) :], names, strict=True):
-            axes[k].plot(run.time, truth[name], linestyle="--", linewidth=0.9, color=line.get_color())
-    axes[-1].set_xlabel("time [s]")
-    return figure
-
-
-def _estimation_error(run: Run) -> Figure:
-    groups = _families(run)
-    height = 1.0 + 1.7 * len(groups)
-    figure, axes = time_figure(run, "estimation error (estimate - truth)", len(groups), height)
-    estimates, truth = run.estimates(), run.truth()
-    for k, (unit, names) in enumerate(groups):
-        mark_phases(run, axes[k], named=k == 0)
-        in_time(run, axes[k], {CALLED.get(n, n): estimates[n] - truth[n] for n in names}, f"error [{unit}]")
-    axes[-1].set_xlabel("time [s]")
+    for row, (unit, names) in zip(axes, groups, strict=True):
+        shown = {n: estimates[n] - truth[n] if less_truth else estimates[n] for n in names}
+        label = "error" if less_truth else "estimate"
+        in_time(run, row, {CALLED.get(n, n): v for n, v in shown.items()}, f"{label} [{unit}]")
+        if not less_truth:
+            for line, name in zip(list(row.lines)[-len(names) :], names, strict=True):
+                row.plot(run.time, truth[name], linestyle="--", linewidth=0.9, color=line.get_color())
     return figure
 
 
@@ -175,7 +160,6 @@ def _command(run: Run, name: str, unit: str) -> Figure:
     what = f"{name} command" if run.scenario.autopilot is None else f"{name} that acts{own_loop(run)}"
     figure, (axes,) = time_figure(run, what)
     angle = unit == "rad"
-    mark_phases(run, axes)
     factor = math.degrees(1.0) if angle else 1.0
     asked = run.columns.get(f"{name}_asked")
     if asked is not None:  # before the limits of the actuator
@@ -188,5 +172,4 @@ def _command(run: Run, name: str, unit: str) -> Figure:
     if asked is not None:
         axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=8, frameon=False)
     axes.set_ylabel(f"{name} [{'deg' if angle else unit}]")
-    axes.set_xlabel("time [s]")
     return figure

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from hovercontrol.core.signals import Signal
 from hovercontrol.scenarios.parts import loop_parts
-from hovercontrol.scenarios.time_axes import in_time, mark_phases, own_loop, time_figure
+from hovercontrol.scenarios.time_axes import in_time, own_loop, time_figure
 
 if TYPE_CHECKING:
     from hovercontrol.scenarios.result import Run
@@ -29,10 +29,8 @@ def law_figures(run: Run) -> dict[str, Figure]:
 
 def _forces(run: Run) -> Figure:
     figure, (axes,) = time_figure(run, f"forces that the law asks for{own_loop(run)}")
-    mark_phases(run, axes)
     curves = {"F_X": run.columns["force_x"], "F_Y": run.columns["force_y"]}
     in_time(run, axes, curves, "force [N]", ("-", "--"))
-    axes.set_xlabel("time [s]")
     return figure
 
 
@@ -40,14 +38,11 @@ def _heading(run: Run) -> Figure:
     figure, axes = time_figure(run, "heading", 2, 4.6)
     degrees = {k: run.columns[k] * math.degrees(1.0) for k in ("psi", "heading_ref", "heading_error")}
     curves = {"heading": degrees["psi"], "wanted": degrees["heading_ref"]}
-    for row in axes:
-        mark_phases(run, row, named=row is axes[0])
     in_time(run, axes[0], curves, "psi [deg]", ("-", "--"))
     in_time(run, axes[1], {"": degrees["heading_error"]}, "error [deg]")
     last = degrees["heading_error"][len(run.time) // 2 :]
     span = max(2.0, 1.5 * abs(last).max())  # the second half shows what remains; the turn itself is above
     axes[1].set_ylim(-span, span)
-    axes[1].set_xlabel("time [s]")
     return figure
 
 
@@ -56,9 +51,7 @@ def _modes(run: Run, modes: list[Signal]) -> Figure:
         run, f"modes of the hybrid controller{own_loop(run)}", len(modes), 1.2 + 1.5 * len(modes)
     )
     for row, signal in zip(axes, modes, strict=True):
-        mark_phases(run, row, named=row is axes[0])
         _steps(run, row, signal)
-    axes[-1].set_xlabel("time [s]")
     return figure
 
 

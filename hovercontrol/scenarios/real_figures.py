@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from hovercontrol.scenarios.time_axes import in_time, mark_phases, time_figure
+from hovercontrol.scenarios.time_axes import in_time, time_figure
 
 if TYPE_CHECKING:
     from hovercontrol.scenarios.result import Run
@@ -31,8 +31,7 @@ def comparison(run: Run) -> Figure:
     figure, axes = time_figure(run, "the real and the ideal loop", len(rows), 1.0 + 1.9 * len(rows))
     for k, (name, unit) in enumerate(rows.items()):
         factor = math.degrees(1.0) if unit.endswith("[deg]") else 1.0
-        mark_phases(run, axes[k], named=k == 0)
-        shown = _within_a_turn if name == "psi" else np.asarray
+        shown = within_a_turn if name == "psi" else np.asarray
         curves = {
             "real, by its INS": shown(run.columns[name]) * factor,
             "real": shown(run.columns[f"true_{name}"]) * factor,
@@ -47,11 +46,10 @@ def comparison(run: Run) -> Figure:
             drawn = np.concatenate([v for key, v in curves.items() if key != "real, by its INS"])
             low, high = float(np.nanmin(drawn)), float(np.nanmax(drawn))
             axes[k].set_ylim(low - 0.1 * (high - low), high + 0.1 * (high - low))
-    axes[-1].set_xlabel("time [s]")
     return figure
 
 
-def _within_a_turn(heading: NDArray[np.float64]) -> NDArray[np.float64]:
+def within_a_turn(heading: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return a heading within 0 ... 2 pi, as K06 draws it, without lines where it jumps."""
     wrapped = np.mod(heading, 2 * math.pi)
     jumps = np.flatnonzero(np.abs(np.diff(wrapped)) > math.pi)

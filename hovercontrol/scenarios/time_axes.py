@@ -21,10 +21,13 @@ TITLE_LETTERS_PER_INCH = 11
 
 
 def time_figure(run: Run, what: str, rows: int = 1, height: float = 3.4) -> tuple[Figure, list[Axes]]:
-    """Return a figure with its title and rows of axes over one time."""
+    """Return a figure with its title and rows of axes over one time, phases marked."""
     figure = Figure(figsize=(8.0, height), layout="constrained")
     axes = figure.subplots(rows, 1, sharex=True, squeeze=False)[:, 0].tolist()
     title(run, figure, what)
+    for k, row in enumerate(axes):
+        _mark_phases(run, row, named=k == 0)
+    axes[-1].set_xlabel("time [s]")
     return figure, axes
 
 
@@ -41,7 +44,7 @@ def title(run: Run, figure: Figure, what: str) -> None:
     figure.suptitle(line if len(line) <= width else broken, fontsize=11)
 
 
-def mark_phases(run: Run, axes: Axes, named: bool = True) -> None:
+def _mark_phases(run: Run, axes: Axes, named: bool) -> None:
     """Mark changes of phase by vertical bars, as in C17, with names along the top."""
     begin = 0.0
     for phase in run.scenario.phases:

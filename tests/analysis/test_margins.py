@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hovercontrol import Block, InputError, Signal, interconnect
-from hovercontrol.analysis.cut_loop import CutLoop, break_loop
+from hovercontrol.analysis.cut_loop import CutLoop, cut_blocks
 from hovercontrol.analysis.loops import c17_ellipse, on_reference
 from hovercontrol.analysis.margins import loop_margins, margins, margins_along
 from hovercontrol.controllers import tracking_controller
@@ -36,7 +36,7 @@ def k06_loop(delay=0.0):
 def grows(blocks, between, state=AHEAD, seconds=60.0):
     """Whether the nonlinear loop leaves straight motion with a Block put into the wire of force_y."""
     wire = Signal("force_y_returned", "N")
-    loop = interconnect([break_loop(blocks, "force_y"), between(wire)], "whole").compile()
+    loop = interconnect([cut_blocks(blocks, ["force_y"], "loop"), between(wire)], "whole").compile()
     start = {f"loop.{name}": value for name, value in state.items()} | {"loop.craft.v": 1e-4}
     ways = loop.simulate(np.linspace(0.0, seconds, 601), x0=start, rtol=1e-9, atol=1e-14)
     yaw = np.abs(ways.states[list(ways.state_labels).index("loop.craft.r")])

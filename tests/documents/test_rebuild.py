@@ -4,9 +4,11 @@ import json
 
 import pytest
 
-from hovercontrol.documents import Item, Outcome, about, all_items, at_most, find_items, rebuild
+from hovercontrol.documents import Item, Outcome, Printed, all_items, find_items, rebuild
 from hovercontrol.documents.index import index_content
 from hovercontrol.errors import InputError
+
+FITTED = Printed("e", "0.6 m", 0.57, 0.63, fitted="by a factor")
 
 
 def _item(*printed, measure=lambda folder: {}, **more):
@@ -16,13 +18,13 @@ def _item(*printed, measure=lambda folder: {}, **more):
 @pytest.mark.parametrize(
     ("printed", "value", "verdict"),
     [
-        ([about("e", 0.6, 0.03, "m")], 0.57, "agrees"),
-        ([about("e", 0.6, 0.03, "m")], 0.5699, "differs"),
-        ([at_most("e", 0.05)], 0.05, "agrees"),
-        ([at_most("e", 0.05)], float("nan"), "differs"),
-        ([about("e", 0.6, 0.03, fitted="by a factor")], 0.6, "not printed in enough detail"),
-        ([about("e", 0.6, 0.03, fitted="by a factor")], 0.7, "differs"),
-        ([about("e", 0.6, 0.03, fitted="by a factor"), at_most("e", 1.0)], 0.6, "agrees"),
+        ([Printed("e", "0.6 m", 0.57, 0.63)], 0.57, "agrees"),
+        ([Printed("e", "0.6 m", 0.57, 0.63)], 0.5699, "differs"),
+        ([Printed("e", "0.05", high=0.05)], 0.05, "agrees"),
+        ([Printed("e", "0.05", high=0.05)], float("nan"), "differs"),
+        ([FITTED], 0.6, "not printed in enough detail"),
+        ([FITTED], 0.7, "differs"),
+        ([FITTED, Printed("e", "1", high=1.0)], 0.6, "agrees"),
         ([], 1.0, "not printed in enough detail"),
     ],
 )
@@ -38,8 +40,8 @@ def test_what_fails_is_told_and_the_others_are_rebuilt(tmp_path):
     def fail(folder):
         raise ValueError("no sample")
 
-    other = Item("c17", "fig", "3", "a figure", draw, (at_most("e", 0.1, "m"),), why="<drag>")
-    missing = Item("c17", "fig", "4", "another", draw, (at_most("f", 0.1),))
+    other = Item("c17", "fig", "3", "a figure", draw, (Printed("e", "0.1 m", high=0.1),), why="<drag>")
+    missing = Item("c17", "fig", "4", "another", draw, (Printed("f", "0.1", high=0.1),))
     outcomes = rebuild([_item(measure=fail), other, missing], tmp_path)
     assert [o.verdict for o in outcomes] == ["failed", "differs", "failed"]
     content = json.loads((tmp_path / "index.json").read_text())

@@ -207,7 +207,11 @@ def metric(of, more=""):
         ("[controller]", "[body]\nmass = 0.0\ninertia = 1.0\narm = 1.0\n[controller]", "body: mass must be"),
         ("[controller]", "[reference]\nkind = 'circle'\n[controller]", "[reference] is not used by"),
         ("[controller]", "[actuation]\ndead_zone = -0.1\n[controller]", "dead_zone must not be negative"),
-        ("[controller]", "[guidance]\nkind = 'origin'\n[controller]", "[guidance] is sampled: it needs"),
+        (
+            "[controller]",
+            "[guidance]\nkind = 'origin'\n[controller]",
+            "[guidance] is sampled: expected a [sampling]",
+        ),
         ("[controller]", GUIDED.replace("bang_bang", "bangbang"), "did you mean 'heading_bang_bang'?"),
         ("[controller]", GUIDED, "unknown set point 'yaw_rate_ref'; known: heading_ref"),
         ("[plant]", "[plant]\neffects = { yaw_drag = 1.0 }", "unknown effect 'yaw_drag'"),

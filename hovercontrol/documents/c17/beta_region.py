@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from hovercontrol.analysis.lyapunov import decay, fastest_beta, lyapunov_function
-from hovercontrol.analysis.output import Progress, save
+from hovercontrol.analysis.output import Progress, quiet, save
 from hovercontrol.analysis.regions import Region, axis, mesh
 from hovercontrol.core.boundary import checked
 from hovercontrol.documents.printed import rebuilds
@@ -74,7 +74,7 @@ def beta_region(
     )
 
 
-def main(out: Path, progress: Progress | None = None, *, k1: float = 2.0, points: int = 200) -> list[Path]:
+def main(out: Path, progress: Progress = quiet, *, k1: float = 2.0, points: int = 200) -> list[Path]:
     """Draw the admissible beta over k2 at one k1, beside the decay rate over beta at k2 = k1."""
     region = beta_region(k1, points=points)
     figure = Figure(figsize=(11.0, 6.0), layout="constrained")
@@ -89,8 +89,7 @@ def main(out: Path, progress: Progress | None = None, *, k1: float = 2.0, points
     right.set(xlabel="beta [1/s]", ylabel="decay rate of the errors [1/s]", ylim=(0.0, None))
     right.set_title(f"k1 = {k1:g} 1/s^2, k2 = {k2:g} 1/s", fontsize=10)
     right.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14), frameon=False, fontsize="small")
-    if progress:
-        progress(1.0)
+    progress(1.0)
     findings = [
         f"(18)^2 - (19)^2 = {lyapunov_function().margin()}, never negative: (19) implies (18).",
         f"At k1 = {k1:g} 1/s^2, k2 = {k2:g} 1/s: beta < {float(best.bound_19):.4g} 1/s is admissible; "

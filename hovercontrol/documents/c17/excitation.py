@@ -23,7 +23,7 @@ from hovercontrol.analysis import (
     signals_of,
 )
 from hovercontrol.analysis.iss import DRAG
-from hovercontrol.analysis.output import Progress, save
+from hovercontrol.analysis.output import Progress, part, quiet, save
 from hovercontrol.controllers import tracking_controller
 from hovercontrol.controllers.references import ellipse, figure_eight
 from hovercontrol.core.block import Block
@@ -42,12 +42,12 @@ RATES = (0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
 Array = NDArray[np.float64]
 
 
-def main(out: Path, progress: Progress | None = None, *, points: int = 24) -> list[Path]:
+def main(out: Path, progress: Progress = quiet, *, points: int = 24) -> list[Path]:
     """Draw the standard errors that references leave, ellipses of all sizes, and the Gramian along C17's."""
     regions = {}
     for k, rate in enumerate(RATES):
-        tell = (lambda n, k=k: progress((k + n / points**2) / len(RATES))) if progress else None
-        regions[rate] = ellipse_errors(points=points, rate=rate, progress=tell)
+        told = part(progress, k, len(RATES), points**2)
+        regions[rate] = ellipse_errors(points=points, rate=rate, progress=told)
     best = {rate: _best(region) for rate, region in regions.items()}
     rate = min(best, key=lambda r: best[r][0])
     worst, semi_x, semi_y = best[rate]

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from hovercontrol.documents.c17.drawings import architecture
-from hovercontrol.documents.c17.runs import draw, error_between, extremes, run
+from hovercontrol.documents.c17.runs import VELOCITIES, draw, error_between, run, shows
 from hovercontrol.documents.c17.yaw import LAP, Variant, pattern, variants
 from hovercontrol.documents.printed import printed, rebuilds
 from hovercontrol.scenarios import load_scenario, run_scenario
@@ -99,11 +99,10 @@ def fig_13(folder: Path) -> Mapping[str, float]:
     return errors()
 
 
-@rebuilds("c17", "fig 14", lacks=LACKS + "; numbers of the curves")
-def fig_14(folder: Path) -> Mapping[str, float]:
-    """Velocities [C17 fig 14]."""
-    draw("table2", folder, "velocities")
-    return extremes("table2", 5.0, {"u": "m/s", "v": "m/s", "r": "rad/s"})
+#: [C17 fig 14]
+fig_14 = rebuilds("c17", "fig 14", lacks=LACKS + "; numbers of the curves")(
+    shows("table2", "velocities", VELOCITIES)
+)
 
 
 @rebuilds(

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from hovercontrol.analysis.loops import initial_errors, tracking_loop
 from hovercontrol.analysis.lyapunov import decay, lyapunov_function
-from hovercontrol.analysis.output import Progress, save
+from hovercontrol.analysis.output import Progress, quiet, save
 from hovercontrol.analysis.regions import Region, mesh, positive_axis, subfolder, sweep_map
 from hovercontrol.core.boundary import checked
 from hovercontrol.io.tables import positive
@@ -59,12 +59,8 @@ def gain_region(
         The error [m] to stay below during the last tenth of it.
     start : mapping, optional
         Initial state by ``plant.NAME``, over zero.
-    executor : concurrent.futures.Executor, optional
-        Where the simulations are done; default threads of this machine.
-    checkpoint : path, optional
-        Folder from which the same map resumes.
-    progress : callable, optional
-        Called now and then with the number of runs done.
+    executor, checkpoint, progress
+        As for :meth:`~hovercontrol.targets.compiled.CompiledBlock.sweep`.
 
     Returns
     -------
@@ -172,10 +168,10 @@ def _promised(k1: Array, k2: Array, z: Array, time: float) -> Array:
     return best
 
 
-def main(out: Path, progress: Progress | None = None, *, points: int = 200) -> list[Path]:
+def main(out: Path, progress: Progress = quiet, *, points: int = 200) -> list[Path]:
     """Draw the region over k1 and k2: each point is two closed loops of 20 s, without limits and with."""
     runs = points**2
-    region = gain_region(points=points, progress=(lambda n: progress(n / runs)) if progress else None)
+    region = gain_region(points=points, progress=lambda n: progress(n / runs))
     against = len(region.outside("guaranteed", "simulated"))
     limited = len(region.outside("guaranteed", "with limits"))
     findings = [

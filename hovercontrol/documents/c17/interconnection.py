@@ -18,7 +18,7 @@ from scipy.stats import beta
 
 from hovercontrol.analysis.iss import DRAG
 from hovercontrol.analysis.loops import c17_ellipse, on_reference, tracking_loop
-from hovercontrol.analysis.output import Progress, save
+from hovercontrol.analysis.output import Progress, part, quiet, save
 from hovercontrol.analysis.regions import Axis, Region, axis, refuse_large
 from hovercontrol.core.arguments import at_least
 from hovercontrol.core.boundary import checked
@@ -108,12 +108,8 @@ def region_of_attraction(
     tolerance : float, optional
         The error [m] below which the craft is on the reference.
     seed : int, optional
-    executor : concurrent.futures.Executor, optional
-        Where the simulations are done; default threads of this machine.
-    checkpoint : path, optional
-        Folder from which the same map resumes.
-    progress : callable, optional
-        Called now and then with the number of runs done.
+    executor, checkpoint, progress
+        As for :meth:`~hovercontrol.targets.compiled.CompiledBlock.sweep`.
 
     Returns
     -------
@@ -202,13 +198,16 @@ def _draw(model: Model, x: Axis, y: Axis, runs: int, rng: np.random.Generator) -
 
 
 def main(
-    out: Path, progress: Progress | None = None, *, cells: int = 10, runs: int = 100, seed: int = 0
+    out: Path, progress: Progress = quiet, *, cells: int = 10, runs: int = 100, seed: int = 0
 ) -> list[Path]:
     """Draw the share of loops in time, with its confidence band, without limits of the commands and with."""
     every = cells * cells * runs
-    tell = (lambda k: lambda n: progress((k + n / every) / 2)) if progress else (lambda k: None)
-    free = region_of_attraction(cells=cells, runs=runs, limits=False, seed=seed, progress=tell(0))
-    bound = region_of_attraction(cells=cells, runs=runs, limits=True, seed=seed, progress=tell(1))
+    free = region_of_attraction(
+        cells=cells, runs=runs, limits=False, seed=seed, progress=part(progress, 0, 2, every)
+    )
+    bound = region_of_attraction(
+        cells=cells, runs=runs, limits=True, seed=seed, progress=part(progress, 1, 2, every)
+    )
     figure = Figure(figsize=(12.0, 9.0), layout="constrained")
     axes = figure.subplots(2, 2)
     findings = []

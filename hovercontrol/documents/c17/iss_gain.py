@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from pathlib import Path
 
 import numpy as np
@@ -10,12 +9,12 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from hovercontrol.analysis import iss_gain, simulated_errors
-from hovercontrol.analysis.output import Progress, save
+from hovercontrol.analysis.output import Progress, quiet, save
 from hovercontrol.models.vehicles import c17_simulation
 
 
 def main(
-    out: Path, progress: Progress | None = None, *, sizes: int = 25, runs: int = 200, seed: int = 0
+    out: Path, progress: Progress = quiet, *, sizes: int = 25, runs: int = 200, seed: int = 0
 ) -> list[Path]:
     """Draw the largest |z1| over the size of the coefficients' errors."""
     craft = c17_simulation()
@@ -49,17 +48,14 @@ def main(
         f"{lost.sum()} of {error.size} loops spin away"
         + (f", the first at e = {first[0]:.2g}." if first.size else "."),
     ]
-    if progress:
-        progress(1.0)
-
-    def table(path: Path) -> None:
-        with path.open("w", newline="", encoding="utf-8") as file:
-            rows = csv.writer(file)
-            rows.writerow(
-                ["coefficient_error [SI]", "worst_z1 [m]", "exact_gain [m]", "guaranteed [m]", "lost"]
-            )
-            rows.writerows(zip(size, worst, exact, guaranteed, lost.sum(axis=1), strict=True))
-
+    progress(1.0)
+    table = {
+        "coefficient_error [SI]": size,
+        "worst_z1 [m]": worst,
+        "exact_gain [m]": exact,
+        "guaranteed [m]": guaranteed,
+        "lost": lost.sum(axis=1),
+    }
     return save(out, "c17_iss_gain", figure, {"c17_iss_gain": table}, findings)
 
 

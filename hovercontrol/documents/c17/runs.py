@@ -9,10 +9,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from hovercontrol.documents.printed import Measure
 from hovercontrol.scenarios import Run, load_scenario, run_scenario
 from hovercontrol.scenarios.figures import figures
 
 Array = NDArray[np.float64]
+
+
+VELOCITIES = {"u": "m/s", "v": "m/s", "r": "rad/s"}
 
 
 @lru_cache(maxsize=8)
@@ -37,6 +41,16 @@ def extremes(name: str, start: float, signals: Mapping[str, str]) -> dict[str, f
         values[f"least {signal} [{unit}]"] = float(column.min())
         values[f"largest {signal} [{unit}]"] = float(column.max())
     return values
+
+
+def shows(name: str, picture: str, signals: Mapping[str, str]) -> Measure:
+    """Return what draws a picture of a run, and measures the extremes of its signals from 5 s on."""
+
+    def measure(folder: Path) -> Mapping[str, float]:
+        draw(name, folder, picture)
+        return extremes(name, 5.0, signals)
+
+    return measure
 
 
 def error_between(name: str, start: float, end: float) -> float:

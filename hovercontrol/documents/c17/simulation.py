@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from hovercontrol.analysis.iss import DRAG
-from hovercontrol.documents.c17.runs import draw, error_between, extremes, run
+from hovercontrol.documents.c17.runs import VELOCITIES, draw, error_between, run, shows
 from hovercontrol.documents.printed import rebuilds
 from hovercontrol.scenarios import load_scenario, run_scenario
 
@@ -98,13 +98,6 @@ def errors_at(names: Sequence[str], at: float = 25.0) -> dict[str, float]:
     return {name: float(abs(found.estimates()[name][row] - truth[name][row])) for name in DRAG}
 
 
-@rebuilds("c17", "fig 4", lacks=LACKS + "; numbers of the curves")
-def fig_4(folder: Path) -> Mapping[str, float]:
-    """Draw the estimates [C17 fig 4]."""
-    draw("table1-transient", folder, "estimates")
-    return {}
-
-
 @rebuilds("c17", "fig 5", lacks=LACKS)
 def fig_5(folder: Path) -> Mapping[str, float]:
     """Tracking error over time [C17 fig 5]."""
@@ -116,22 +109,13 @@ def fig_5(folder: Path) -> Mapping[str, float]:
     }
 
 
-@rebuilds("c17", "fig 6", lacks=LACKS + "; numbers of the curves")
-def fig_6(folder: Path) -> Mapping[str, float]:
-    """Body velocities [C17 fig 6]."""
-    draw("table1", folder, "velocities")
-    return extremes("table1", 5.0, {"u": "m/s", "v": "m/s", "r": "rad/s"})
-
-
-@rebuilds("c17", "fig 7", lacks=LACKS + "; numbers of the curve")
-def fig_7(folder: Path) -> Mapping[str, float]:
-    """Thrust [C17 fig 7]."""
-    draw("table1", folder, "thrust")
-    return extremes("table1", 5.0, {"thrust": "1"})
-
-
-@rebuilds("c17", "fig 8", lacks=LACKS + "; numbers of the curve")
-def fig_8(folder: Path) -> Mapping[str, float]:
-    """Rudder angle [C17 fig 8]."""
-    draw("table1", folder, "rudder")
-    return extremes("table1", 5.0, {"rudder": "rad"})
+#: [C17 fig 4, 6, 7, 8], of which C17 prints no numbers.
+_CURVES = LACKS + "; numbers of the curves"
+fig_4 = rebuilds("c17", "fig 4", lacks=_CURVES)(shows("table1-transient", "estimates", {}))
+fig_6 = rebuilds("c17", "fig 6", lacks=_CURVES)(shows("table1", "velocities", VELOCITIES))
+fig_7 = rebuilds("c17", "fig 7", lacks=LACKS + "; numbers of the curve")(
+    shows("table1", "thrust", {"thrust": "1"})
+)
+fig_8 = rebuilds("c17", "fig 8", lacks=LACKS + "; numbers of the curve")(
+    shows("table1", "rudder", {"rudder": "rad"})
+)

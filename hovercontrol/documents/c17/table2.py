@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
-from hovercontrol.analysis.output import Progress, save
+from hovercontrol.analysis.output import Progress, quiet, save
 from hovercontrol.documents.c17.mean_errors import mean_errors
 from hovercontrol.documents.printed import printed
 from hovercontrol.io.short_repr import short_repr
@@ -79,7 +78,7 @@ def table_two(
     heading_noise: ArrayLike = (0.0, 1e-3, 2e-3, 5e-3),
     factor: ArrayLike = (1.0, 1.05, 1.1, 1.13, 1.2, 1.25, 1.3),
     seeds: int = 4,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress = quiet,
 ) -> TableTwo:
     """Return how the three errors of C17's Table II depend on what the paper does not print.
 
@@ -97,12 +96,11 @@ def table_two(
     scenario = load_scenario("table2") if scenario is None else scenario
     seed = np.arange(1.0, seeds + 1.0)
     p, r, pn, hn, f = (np.asarray(v, dtype=float) for v in (P0, R, position_noise, heading_noise, factor))
-    report = progress or (lambda done: None)
     R_printed = (scenario.estimator or {})["R"]
     given: dict[str, Array] = {"sensor.seed": seed}
     given |= {f"estimator.R[{i},{i}]": r[:, None] * v for i, v in enumerate(R_printed)}
     search = mean_errors(scenario, given | _variances(p[:, None, None], 3, 11))[..., 2]
-    report(0.4)
+    progress(0.4)
     noise = mean_errors(
         scenario,
         {
@@ -111,9 +109,9 @@ def table_two(
             "sensor.heading_noise": hn[:, None],
         },
     )
-    report(0.7)
+    progress(0.7)
     fitted = np.array([mean_errors(_with_drag(scenario, v), {"sensor.seed": seed})[..., :2] for v in f])
-    report(0.8)
+    progress(0.8)
     drag = list((scenario.controller or {})["adapt"])
     six = replace(scenario, estimator={**(scenario.estimator or {}), "estimate": drag})
     few = mean_errors(six, {"sensor.seed": seed} | _variances(p[:, None], 3, 9))[..., 2]
@@ -137,7 +135,7 @@ def _with_drag(scenario: Scenario, factor: float) -> Scenario:
 LINES = ("k-", "k--", "k:", "k-.")
 
 
-def main(out: Path, progress: Progress | None = None, *, seeds: int = 4, **tried: Any) -> list[Path]:
+def main(out: Path, progress: Progress = quiet, *, seeds: int = 4, **tried: Any) -> list[Path]:
     """Draw the error with the estimator on over P0 and over the noise, and the two before over the drag."""
     found = table_two(seeds=seeds, progress=progress, **tried)
     figure = Figure(figsize=(12.0, 8.5), layout="constrained")
@@ -147,8 +145,7 @@ def main(out: Path, progress: Progress | None = None, *, seeds: int = 4, **tried
     _noise(found, axes[1, 0])
     _drag(found, axes[1, 1])
     figure.suptitle(f"C17 Table II: mean tracking errors, each point the mean of {seeds} noise seeds")
-    if progress:
-        progress(1.0)
+    progress(1.0)
     return save(out, "c17_table2", figure, {"c17_table2": lambda path: _table(found, path)}, _said(found))
 
 

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from hovercontrol.analysis.loops import c17_ellipse, on_reference, tracking_loop
-from hovercontrol.analysis.output import Progress, save
+from hovercontrol.analysis.output import Progress, quiet, save
 from hovercontrol.analysis.regions import Axis, Region, axis, mesh, refuse_large, subfolder, sweep_map
 from hovercontrol.analysis.zero_dynamics import predict, theorem_4_margin
 from hovercontrol.core.boundary import checked
@@ -90,12 +90,8 @@ def arm_region(
         Angle from the course to the heading at the start [rad]; default nose-first.
     duration : float, optional
         Of each simulation along C17's ellipse [s].
-    executor : concurrent.futures.Executor, optional
-        Where the simulations are done; default threads of this machine.
-    checkpoint : path, optional
-        Folder from which the same map resumes.
-    progress : callable, optional
-        Called now and then with the number of runs done.
+    executor, checkpoint, progress
+        As for :meth:`~hovercontrol.targets.compiled.CompiledBlock.sweep`.
 
     Returns
     -------
@@ -226,14 +222,14 @@ MASS, INERTIA = 0.585, 0.01
 NEAR = 0.02
 
 
-def main(out: Path, progress: Progress | None = None, *, points: int = 120) -> list[Path]:
+def main(out: Path, progress: Progress = quiet, *, points: int = 120) -> list[Path]:
     """Draw theory beside simulation, over the rudder arm and the control point."""
     runs = points**2
     theory, judge = arm_region(
         points=points,
         mass=MASS,
         inertia=INERTIA,
-        progress=(lambda n: progress(n / runs)) if progress else None,
+        progress=lambda n: progress(n / runs),
     )
     figure = Figure(figsize=(12.0, 7.0), layout="constrained")
     for region, axes in zip((theory, judge), figure.subplots(1, 2), strict=True):

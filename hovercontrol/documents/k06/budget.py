@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,53 +12,36 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from hovercontrol.analysis.budget import GROUPS, Budget, budget
-from hovercontrol.analysis.output import Progress, save
+from hovercontrol.analysis.output import Progress, part, quiet, save
 from hovercontrol.autopilot import SWITCHES
-from hovercontrol.errors import InputError, did_you_mean
-from hovercontrol.scenarios import Scenario, load_scenario
+from hovercontrol.documents.k06.trial_bands import chosen_trials, panels
+from hovercontrol.scenarios import load_scenario
 
 #: K06's trials, as ``k06-real-...``.
 TRIALS = ("stop", "forward", "reverse", "turn", "heading-bangbang", "heading-proportional")
 
 
-def main(out: Path, progress: Progress | None = None, *, trial: str = "", runs: int = 20) -> list[Path]:
+def main(out: Path, progress: Progress = quiet, *, trial: str = "", runs: int = 20) -> list[Path]:
     """Run each trial with every imperfection alone and with all but it; rank their costs."""
-    trials = [_real(trial)] if trial else [f"k06-real-{name}" for name in TRIALS]
-    tell = progress or (lambda share: None)
+    trials = [f"k06-real-{name}" for name in chosen_trials("k06_budget", trial, TRIALS)]
     jobs = len(trials) + ("k06-real-forward" in trials)
-    found: list[Budget] = []
-    for k, name in enumerate(trials):
-        found.append(
-            budget(load_scenario(name), runs=runs, progress=lambda share, k=k: tell((k + share) / jobs))  # type: ignore[misc]
-        )
+    found = [
+        budget(load_scenario(name), runs=runs, progress=part(progress, k, jobs))
+        for k, name in enumerate(trials)
+    ]
     findings = [_words(one, runs) for one in found]
     findings.append("The tables end where the saturation does, so that all but the saturation is all.")
     for one in found:
         if one.trial == "k06-real-forward":
             scenario = load_scenario(one.trial)
-            modelled = _by_error_model(scenario)
+            modelled = scenario.with_autopilot(navigation="error_model")
             readings = {
                 "sensors and filters in full": one,
                 "K06's error model": budget(modelled, runs=runs),
             }
             findings += _verdict(readings)
-    tell(1.0)
+    progress(1.0)
     return save(out, "k06_budget", _figure(found), {"k06_budget": _columns(found)}, findings)
-
-
-def _real(trial: str) -> str:
-    """Return the name of a trial's scenario: ``turn``, ``k06-turn`` and ``k06-real-turn`` are one."""
-    short = trial.removeprefix("k06-").removeprefix("real-")
-    if short not in TRIALS:
-        raise InputError(f"k06_budget: unknown trial {trial!r}{did_you_mean(short, TRIALS)}")
-    return f"k06-real-{short}"
-
-
-def _by_error_model(scenario: Scenario) -> Scenario:
-    assert scenario.autopilot is not None
-    return dataclasses.replace(
-        scenario, autopilot=dataclasses.replace(scenario.autopilot, navigation="error_model")
-    )
 
 
 def _words(one: Budget, runs: int) -> str:
@@ -89,14 +71,9 @@ def _verdict(readings: dict[str, Budget]) -> list[str]:
 
 
 def _figure(found: Sequence[Budget]) -> Figure:
-    columns = min(3, len(found))
-    rows = math.ceil(len(found) / columns)
-    figure = Figure(figsize=(5.4 * columns + 1.6, 4.6 * rows), layout="constrained")
-    axes = figure.subplots(rows, columns, squeeze=False, sharey=True).ravel()
-    for one, place in zip(found, axes, strict=False):
+    figure, axes = panels(len(found), (5.4, 4.6), (1.6, 0.0), sharey=True)
+    for one, place in zip(found, axes, strict=True):
         _draw(place, one)
-    for place in axes[len(found) :]:
-        place.remove()
     handles, labels = axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False)
     figure.suptitle("K06's real loop: rms distance from the ideal loop, mean and its standard error")

@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from hovercontrol.analysis.output import Progress, save
+from hovercontrol.analysis.output import Progress, quiet, save
 from hovercontrol.documents.k06.consistency_runs import (
     FILTER_RUNS,
     Results,
@@ -27,9 +27,8 @@ OWN = "all of K06's as printed, and errors drawn from them"
 ASKED = 0.9
 
 
-def main(out: Path, progress: Progress | None = None, *, runs: int = 100, seconds: float = 6.0) -> list[Path]:
+def main(out: Path, progress: Progress = quiet, *, runs: int = 100, seconds: float = 6.0) -> list[Path]:
     """Run all filters with covariances of the stated sensors and with K06's printed Q1, Q2."""
-    tell = progress or (lambda share: None)
     found: dict[str, Results] = {SENSORS: {}, PRINTED: {}}
     tests = [make(np.random.default_rng(k), runs, seconds) for k, make in enumerate(FILTER_RUNS)]
     for k, test in enumerate(tests):
@@ -37,7 +36,7 @@ def main(out: Path, progress: Progress | None = None, *, runs: int = 100, second
         printed = replace(stated, Q1=K06_NOISE.Q1, Q2=K06_NOISE.Q2)
         for j, (label, noise) in enumerate(((SENSORS, stated), (PRINTED, printed)), 1):
             found[label] |= test.judged(noise)
-            tell((2 * k + j) / (2 * len(tests) + 1))
+            progress((2 * k + j) / (2 * len(tests) + 1))
     own: Results = {}
     for k, draw in enumerate((own_heading, own_motion)):
         own |= draw(np.random.default_rng(k), runs, seconds, K06_NOISE).judged(K06_NOISE)
@@ -48,7 +47,7 @@ def main(out: Path, progress: Progress | None = None, *, runs: int = 100, second
         {"k06_consistency": _table(found | {OWN: own})},
         _findings(found[SENSORS], found[PRINTED], own, runs),
     )
-    tell(1.0)
+    progress(1.0)
     return files
 
 

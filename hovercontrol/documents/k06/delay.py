@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from hovercontrol.analysis.delayed_law import DelayedLoop
-from hovercontrol.analysis.output import Progress, save
+from hovercontrol.analysis.output import Progress, quiet, save
 from hovercontrol.documents.k06.law_loop import ROUND_TRIP, force_craft, trial_numbers
 
 #: Weights of u, v [s^2/m^2] and r [s^2], and of the forces [1/N^2].
@@ -18,7 +18,7 @@ STATES, FORCES = (1.0, 1.0, 0.1), (0.1, 0.1)
 PERIODS = (0.1, 0.2, 0.3)
 
 
-def main(out: Path, progress: Progress | None = None, *, points: int = 41) -> list[Path]:
+def main(out: Path, progress: Progress = quiet, *, points: int = 41) -> list[Path]:
     """Draw the quadratic cost of both laws over the delay, for several sampling periods."""
     surge = trial_numbers("forward")["surge_ref"]
     line = force_craft().linearize([surge, 0.0, 0.0], [0.0, 0.0])
@@ -53,8 +53,7 @@ def main(out: Path, progress: Progress | None = None, *, points: int = 41) -> li
             f"{1000 * period * shares[near]:.0f} ms it costs {ignores[near] / knows[near]:.2f} times "
             "what (5.1) does."
         )
-        if progress:
-            progress((k + 1) / len(PERIODS))
+        progress((k + 1) / len(PERIODS))
     axes.axvline(1000 * ROUND_TRIP, color="0.6", ls=":", label="mean round trip, table 5.1")
     axes.set(xlabel="delay [ms]", ylabel="cost per sample", ylim=(0.0, 40.0))
     axes.set_title(f"K06's craft about {surge:g} m/s, optimal laws, white noise in u, v, r", fontsize=10)

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
-from hovercontrol.analysis.output import Progress, save
+from hovercontrol.analysis.output import Progress, quiet, save
 from hovercontrol.core.interconnect import interconnect
 from hovercontrol.documents.k06.bench.blocks import gyro_chain
 from hovercontrol.documents.k06.bench.runs import ticks
@@ -177,15 +177,14 @@ def _bode(axes: Axes, label: str, response: Array, frequency: Array) -> Axes:
 # ---- table 6.5 as a picture -------------------------------------------------------------------------
 
 
-def main(out: Path, progress: Progress | None = None, *, points: int = 200) -> list[Path]:
+def main(out: Path, progress: Progress = quiet, *, points: int = 200) -> list[Path]:
     """Draw gain and delay of (6.2), of a bench run with sines, and of K06's table."""
-    tell = progress or (lambda share: None)
     frequency, printed = TABLE_6_5[:, 0], TABLE_6_5[:, 1:].T
     curve = np.linspace(1.0, 60.0, points)
     exact, rounded = (gyro_transfer(frequency, digits=n)[2] for n in (None, 2))
-    tell(0.2)
+    progress(0.2)
     sines = dict(zip(("uncompensated", "compensated"), gyro_sines(frequency), strict=True))
-    tell(0.8)
+    progress(0.8)
     figure = Figure(figsize=(16.0, 5.5), layout="constrained")
     left, middle, right = figure.subplots(1, 3)
     _draw_readings(left, middle, sines, curve)
@@ -214,7 +213,7 @@ def main(out: Path, progress: Progress | None = None, *, points: int = 200) -> l
         }
     findings = _findings(sines["uncompensated"], exact, rounded)
     files = save(out, "k06_gyro", figure, {"k06_gyro": columns}, findings)
-    tell(1.0)
+    progress(1.0)
     return files
 
 

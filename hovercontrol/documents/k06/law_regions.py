@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from hovercontrol.analysis.output import Progress, save
+from hovercontrol.analysis.output import Progress, quiet, save
 from hovercontrol.analysis.regions import (
     Axis,
     Region,
@@ -71,12 +71,8 @@ def forward_region(
         [kg/s]
     duration : float, optional
         Of each simulation [s].
-    executor : concurrent.futures.Executor, optional
-        Where the simulations are done; default threads of this machine.
-    checkpoint : path, optional
-        Folder from which the same map resumes.
-    progress : callable, optional
-        Called now and then with the number of runs done.
+    executor, checkpoint, progress
+        As for :meth:`~hovercontrol.targets.compiled.CompiledBlock.sweep`.
 
     Returns
     -------
@@ -253,7 +249,7 @@ def _refuse_sign(law: str, speed: Array, sign: int) -> None:
 # ---- pictures -----------------------------------------------------------------------------------
 
 
-def main_forward(out: Path, progress: Progress | None = None, *, points: int = 60) -> list[Path]:
+def main_forward(out: Path, progress: Progress = quiet, *, points: int = 60) -> list[Path]:
     """Draw the region of the forward law; each point is six simulations of 120 s."""
     region = forward_region(points=points)
     against = len(region.outside("theorem", "simulated"))
@@ -263,7 +259,7 @@ def main_forward(out: Path, progress: Progress | None = None, *, points: int = 6
     )  # fmt: skip
 
 
-def main_reverse(out: Path, progress: Progress | None = None, *, points: int = 40) -> list[Path]:
+def main_reverse(out: Path, progress: Progress = quiet, *, points: int = 40) -> list[Path]:
     """Draw the region of the reverse law; each point is six simulations of 600 s."""
     region = reverse_region(points=points)
     against = len(region.outside("theorem", "simulated"))
@@ -274,7 +270,7 @@ def main_reverse(out: Path, progress: Progress | None = None, *, points: int = 4
     )  # fmt: skip
 
 
-def _leave(out: Path, name: str, region: Region, progress: Progress | None, against: str) -> list[Path]:
+def _leave(out: Path, name: str, region: Region, progress: Progress, against: str) -> list[Path]:
     late = len(region.outside("theorem", "delayed")) / region["theorem"].sum()
     linear, delayed = (
         (region[f"linear{end}"] == region[judge]).mean()
@@ -289,6 +285,5 @@ def _leave(out: Path, name: str, region: Region, progress: Progress | None, agai
     figure = Figure(figsize=(7.0, 5.8), layout="constrained")
     region.plot(axes=figure.subplots())
     files = save(out, name, figure, {name: region.save}, findings)
-    if progress:
-        progress(1.0)
+    progress(1.0)
     return files

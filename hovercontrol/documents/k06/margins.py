@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from hovercontrol import interconnect, tracking_controller, vehicle
 from hovercontrol.analysis.loops import c17_ellipse, on_reference
 from hovercontrol.analysis.margins import FrozenMargins, Margins, margins, margins_along
-from hovercontrol.analysis.output import Progress, save
+from hovercontrol.analysis.output import Progress, quiet, save
 from hovercontrol.analysis.packet_loss import Lost, packet_loop
 from hovercontrol.controllers.k06 import forward, setpoints
 from hovercontrol.core.block import Block
@@ -29,18 +29,17 @@ AHEAD = {"craft.u": SURGE}
 SENT = 0.0225
 
 
-def main(out: Path, progress: Progress | None = None, *, points: int = 40, instants: int = 60) -> list[Path]:
+def main(out: Path, progress: Progress = quiet, *, points: int = 40, instants: int = 60) -> list[Path]:
     """Draw delay and jitter margins over k2 and along the ellipse, and the tolerable loss over the period."""
-    tell = progress or (lambda share: None)
     gains, periods = np.linspace(0.5, 12.0, points), np.linspace(0.02, 0.34, points)
     by_gain = [margins(_forward(k2), "force_y", AHEAD) for k2 in gains.tolist()]
-    tell(0.4)
+    progress(0.4)
     loss = {
         f"{lost}, {said}": _critical(periods, lost, tries)
         for tries, said in ((1, "sent once"), (2, "sent once more"))
         for lost in ("hold", "zero")
     }
-    tell(0.6)
+    progress(0.6)
     along = _along_ellipse(instants)
     time = along.times - along.times[0]
     figure = Figure(figsize=(16.0, 6.0), layout="constrained")
@@ -60,7 +59,7 @@ def main(out: Path, progress: Progress | None = None, *, points: int = 40, insta
         },
     }
     files = save(out, "k06_margins", figure, tables, _findings(periods, loss, along))
-    tell(1.0)
+    progress(1.0)
     return files
 
 

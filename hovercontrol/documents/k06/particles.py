@@ -20,7 +20,7 @@ from hovercontrol.analysis.ins_monte_carlo import (
     sensed,
     started,
 )
-from hovercontrol.analysis.output import Progress, save
+from hovercontrol.analysis.output import Progress, quiet, save
 from hovercontrol.core.block import Block
 from hovercontrol.documents.k06.consistency_runs import BEACONS, ERRORS, RANGE_NOISE, UNITS
 from hovercontrol.estimators.ins import (
@@ -86,7 +86,7 @@ class Errors(NamedTuple):
 
 def main(
     out: Path,
-    progress: Progress | None = None,
+    progress: Progress = quiet,
     *,
     runs: int = 12,
     seconds: float = 10.0,
@@ -97,8 +97,7 @@ def main(
     found: dict[str, dict[str, Errors]] = {}
     for k, case in enumerate(CASES):
         found[case.name] = _both(case, truth, np.random.default_rng(k + 1), runs, particles)
-        if progress:
-            progress((k + 1) / len(CASES))
+        progress((k + 1) / len(CASES))
     return save(
         out,
         "k06_particles",

@@ -18,7 +18,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from hovercontrol.analysis.output import Progress, save
+from hovercontrol.analysis.output import Progress, quiet, save
 from hovercontrol.analysis.trials import run_seeds
 from hovercontrol.autopilot.limits import lossy_tables
 from hovercontrol.core.block import Block
@@ -69,7 +69,6 @@ class Suspect:
     def fitted_to(self, trial: Scenario) -> Scenario:
         """Return a trial of the real loop with a craft that has the effect."""
         craft = dataclasses.replace(trial, plant=trial.belief.with_effects(self.effects), metrics=())
-        assert craft.autopilot is not None
         if not self.starts_at:
             return craft
         known = lossy_tables(_RUDDER_LOSS)
@@ -77,9 +76,7 @@ class Suspect:
         dead = (true.columns < 0) & (true.columns > -self.starts_at)
         values = np.where(dead, 0.0, true.values)
         pair = (known[0], FanTable("fan that starts late", "speed", true.rudder, true.columns, values))
-        return dataclasses.replace(
-            craft, autopilot=dataclasses.replace(craft.autopilot, tables=pair, rudder_loss=0.0)
-        )
+        return craft.with_autopilot(tables=pair, rudder_loss=0.0)
 
 
 #: The effects that K06 suspects, and others, each large enough to be visible.
@@ -158,7 +155,10 @@ def steady_errors(
     """
     if not suspects:
         raise InputError("steady_errors: expected one suspect at least, found none")
-    back, front = (_trial(f"k06-real-{way}", navigation) for way in ("reverse", "forward"))
+    back, front = (
+        load_scenario(f"k06-real-{way}").with_autopilot(navigation=navigation)
+        for way in ("reverse", "forward")
+    )
     jobs = [(back, ref) for ref in ASTERN] + [(front, AHEAD)]
     every = {e.name: e for one in suspects.values() for e in one.effects}
     loops: dict[tuple[str, float], Block] = {}
@@ -180,14 +180,6 @@ def steady_errors(
                 progress((i + (j + 1) / len(jobs)) / len(suspects))
         found.append(SteadyError(name, tuple(errors[:-1]), errors[-1], yaw))
     return found
-
-
-def _trial(name: str, navigation: str) -> Scenario:
-    scenario = load_scenario(name)
-    assert scenario.autopilot is not None
-    return dataclasses.replace(
-        scenario, autopilot=dataclasses.replace(scenario.autopilot, navigation=navigation)
-    )
 
 
 def _coefficients(trial: Scenario, every: Mapping[str, Effect], suspect: Suspect) -> dict[str, float]:
@@ -220,10 +212,8 @@ def suspect_log(suspect: Suspect, seed: int = 1) -> Scenario:
     suspect : Suspect
     seed : int, optional
     """
-    trial = load_scenario("k06-field-reverse")
-    assert trial.autopilot is not None
-    own = dataclasses.replace(trial.autopilot, seed=seed, rudder_loss=_RUDDER_LOSS)
-    return suspect.fitted_to(dataclasses.replace(trial, phases=_LOGGED, autopilot=own))
+    trial = load_scenario("k06-field-reverse").with_autopilot(seed=seed, rudder_loss=_RUDDER_LOSS)
+    return suspect.fitted_to(dataclasses.replace(trial, phases=_LOGGED))
 
 
 # ---- the picture ------------------------------------------------------------------------------------
@@ -233,15 +223,14 @@ LOGGED = ("reverse thrust 60 % less", "dead zone of the fan, 0.2 N", "dry fricti
 
 
 def main(
-    out: Path, progress: Progress | None = None, *, runs: int = 6, logged: Sequence[str] = LOGGED
+    out: Path, progress: Progress = quiet, *, runs: int = 6, logged: Sequence[str] = LOGGED
 ) -> list[Path]:
     """Run each suspect astern and ahead, compare its errors with K06's findings, and diagnose logs."""
-    tell = progress or (lambda share: None)
-    found = steady_errors(runs=runs, progress=lambda share: tell(0.6 * share))
+    found = steady_errors(runs=runs, progress=lambda share: progress(0.6 * share))
     words = _words(found, runs)
     for k, name in enumerate(logged):
         words.append(_diagnosed(name))
-        tell(0.6 + 0.4 * (k + 1) / len(logged))
+        progress(0.6 + 0.4 * (k + 1) / len(logged))
     return save(out, "k06_reverse_error", _figure(found, runs), {"k06_reverse_error": _columns(found)}, words)
 
 

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 import hovercontrol as hc
 from hovercontrol.analysis import Region, axis, steering_map, turning_modes
-from hovercontrol.analysis.output import Progress, save
+from hovercontrol.analysis.output import Progress, quiet, save
 from hovercontrol.autopilot import autopilot
 from hovercontrol.guidance import steering_law, weaving
 
@@ -19,7 +19,7 @@ from hovercontrol.guidance import steering_law, weaving
 SURGE = 0.7
 
 
-def main(out: Path, progress: Progress | None = None, *, points: int = 7) -> list[Path]:
+def main(out: Path, progress: Progress = quiet, *, points: int = 7) -> list[Path]:
     """Draw both errors of the real loop and the slowest mode of C17's zero dynamics."""
     craft = hc.vehicle("hoverdemon")
     loop = autopilot(

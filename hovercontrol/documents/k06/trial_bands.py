@@ -12,8 +12,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from hovercontrol.analysis.output import Progress, save
+from hovercontrol.analysis.output import Progress, part, quiet, save
 from hovercontrol.analysis.trials import trial_metrics
+from hovercontrol.documents.printed import printed
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.scenarios import load_scenario
 
@@ -46,18 +47,28 @@ _REST = tuple(
 _SWING = ("heading error at the end, largest",)
 _NEAR = ("time until within 1 deg for the first time",)
 
+#: What the text says of figures 6.7 to 6.10, by the metric.
+_SAID = {p.name: p for k in range(7, 11) for p in printed("k06", f"fig 6.{k}").values()}
+
+
+def _as_printed(name: str, *metrics: str) -> Asked:
+    """Return the band of the first metric's printed number."""
+    said = _SAID[metrics[0]]
+    return Asked(metrics, said.low, said.high, said.unit, name)
+
+
 #: By trial (``k06-real-...``) the figures asked for; figures 6.11 and 6.12 are drawn to 35 s.
 ASKED: dict[str, tuple[Asked, ...]] = {
-    "stop": (Asked(_REST, 8.0, 12.0, "s", "at rest"),),
+    "stop": (_as_printed("at rest", *_REST),),
     "forward": (
-        Asked(("time until 1.1 m/s for the first time",), 4.0, 6.0, "s", "first at 1.1 m/s"),
+        _as_printed("first at 1.1 m/s", "time until 1.1 m/s for the first time"),
         Asked(("surge from 8 s, farthest from 1.1 m/s",), 0.0, 0.1, "m/s", "off 1.1 m/s from 8 s on"),
     ),
     "reverse": (
-        Asked(("time until -0.71 m/s, 0.05 from what is told",), 4.0, 6.0, "s", "within 0.05 of -0.76 m/s"),
+        _as_printed("within 0.05 of -0.76 m/s", "time until -0.71 m/s, 0.05 from what is told"),
         Asked(("surge from 8 s, farthest from -0.76 m/s",), 0.0, 0.1, "m/s", "off -0.76 m/s from 8 s on"),
     ),
-    "turn": (Asked(("yaw rate, mean",), 2.9, 3.1, "rad/s", "mean yaw rate"),),
+    "turn": (_as_printed("mean yaw rate", "yaw rate, mean"),),
     "heading-bangbang": (Asked(_SWING, 0.0, _DEGREE, "rad", "heading error, 25 to 35 s"),),
     "heading-proportional": (Asked(_SWING, 0.0, _DEGREE, "rad", "heading error, 25 to 35 s"),),
     "heading-bangbang-rest": (
@@ -84,24 +95,39 @@ class Row(NamedTuple):
         return float(np.mean((self.values >= self.asked.low) & (self.values <= self.asked.high)))
 
 
-def main(out: Path, progress: Progress | None = None, *, trial: str = "", runs: int = 20) -> list[Path]:
+def main(out: Path, progress: Progress = quiet, *, trial: str = "", runs: int = 20) -> list[Path]:
     """Run the trials with the seeds from 1 on; compare each value with its band."""
-    trials = [_known(trial)] if trial else list(ASKED)
-    tell = progress or (lambda share: None)
+    trials = chosen_trials("k06_trials", trial, list(ASKED))
     rows: list[Row] = []
     for k, name in enumerate(trials):
-        done = lambda share, k=k: tell((k + share) / len(trials))  # noqa: E731
-        found = trial_metrics(load_scenario(f"k06-real-{name}"), runs=runs, progress=done)
+        found = trial_metrics(
+            load_scenario(f"k06-real-{name}"), runs=runs, progress=part(progress, k, len(trials))
+        )
         for asked in ASKED[name]:
             rows.append(Row(name, asked, np.max([found[key] for key in asked.metrics], axis=0)))
     return save(out, "k06_trials", _figure(rows, runs), {"k06_trials": _columns(rows)}, _words(rows, runs))
 
 
-def _known(trial: str) -> str:
+def chosen_trials(analysis: str, trial: str, known: Sequence[str]) -> list[str]:
+    """Return one trial (``turn``, ``k06-turn``, ``k06-real-turn`` are the same), or all if none is named."""
     short = trial.removeprefix("k06-").removeprefix("real-")
-    if short not in ASKED:
-        raise InputError(f"k06_trials: unknown trial {trial!r}{did_you_mean(short, ASKED)}")
-    return short
+    if trial and short not in known:
+        raise InputError(f"{analysis}: unknown trial {trial!r}{did_you_mean(short, known)}")
+    return [short] if trial else list(known)
+
+
+def panels(
+    count: int, size: tuple[float, float], edge: tuple[float, float], *, sharey: bool = False
+) -> tuple[Figure, list[Axes]]:
+    """Return a figure with axes in rows of three; their size and that of the edges are in inches."""
+    columns = min(3, count)
+    rows = math.ceil(count / columns)
+    figsize = (size[0] * columns + edge[0], size[1] * rows + edge[1])
+    figure = Figure(figsize=figsize, layout="constrained")
+    axes = figure.subplots(rows, columns, squeeze=False, sharey=sharey).ravel().tolist()
+    for place in axes[count:]:
+        place.remove()
+    return figure, axes[:count]
 
 
 def _words(rows: Sequence[Row], runs: int) -> list[str]:
@@ -132,14 +158,9 @@ def _plain(value: float, unit: str) -> str:
 
 
 def _figure(rows: Sequence[Row], runs: int) -> Figure:
-    columns = min(3, len(rows))
-    lines = math.ceil(len(rows) / columns)
-    figure = Figure(figsize=(4.2 * columns + 0.6, 1.5 * lines + 1.0), layout="constrained")
-    places = figure.subplots(lines, columns, squeeze=False).ravel()
-    for row, place in zip(rows, places, strict=False):
+    figure, places = panels(len(rows), (4.2, 1.5), (0.6, 1.0))
+    for row, place in zip(rows, places, strict=True):
         _draw(place, row)
-    for place in places[len(rows) :]:
-        place.remove()
     figure.suptitle(f"K06's real loop, {runs} seeds: asked (green), each seed, median")
     return figure
 

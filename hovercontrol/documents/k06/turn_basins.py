@@ -101,12 +101,8 @@ def turn_basins(
         [kg/s], likewise.
     duration : float, optional
         Of each simulation [s]; a craft that turns later counts as stuck.
-    executor : concurrent.futures.Executor, optional
-        Where the simulations are done; default threads of this machine.
-    checkpoint : path, optional
-        Folder from which the same map resumes.
-    progress : callable, optional
-        Called now and then with the number of runs done.
+    executor, checkpoint, progress
+        As for :meth:`~hovercontrol.targets.compiled.CompiledBlock.sweep`.
 
     Returns
     -------

@@ -13,7 +13,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from hovercontrol.analysis.output import Progress, save
+from hovercontrol.analysis.output import Progress, part, quiet, save
 from hovercontrol.analysis.regions import Region
 from hovercontrol.documents.k06.turn_basins import RTOL, TOLD, turn_basins
 from hovercontrol.io.figure_style import BLUE, SKY, VERMILION
@@ -29,7 +29,7 @@ PLANES: tuple[tuple[dict[str, tuple[float, float]], dict[str, float]], ...] = (
 DURATION = 150.0
 
 
-def main(out: Path, progress: Progress | None = None, *, points: int = 120) -> list[Path]:
+def main(out: Path, progress: Progress = quiet, *, points: int = 120) -> list[Path]:
     """Draw the three classes on three planes, the time to the turn, W_bad and the entry ball (2.48)."""
     figure = Figure(figsize=(16.0, 6.6), layout="constrained")
     figure.suptitle("K06 turn law (2.39), r_ref = 3 rad/s, k1 = 0.5 kg/s, k2 = 3.5 kg/s")
@@ -40,8 +40,8 @@ def main(out: Path, progress: Progress | None = None, *, points: int = 120) -> l
     tables = {}
     places = figure.subplots(1, 3)
     for k, ((plane, at), axes) in enumerate(zip(PLANES, places, strict=True)):
-        tell = (lambda n, k=k: progress((k + n / points**2) / len(PLANES))) if progress else None
-        region = turn_basins(plane, points, at=at, duration=DURATION, progress=tell)
+        told = part(progress, k, len(PLANES), points**2)
+        region = turn_basins(plane, points, at=at, duration=DURATION, progress=told)
         drawn = _draw(axes, region, at)
         tables[f"k06_turn_basins_{''.join(plane)}"] = region.save
         findings.append(_finding(region, plane, at))

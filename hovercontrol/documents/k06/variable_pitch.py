@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from hovercontrol.analysis.output import Progress, save
+from hovercontrol.analysis.output import Progress, quiet, save
 from hovercontrol.analysis.trials import run_trial
 from hovercontrol.errors import InputError
 from hovercontrol.hardware.actuators import VariablePitch
@@ -41,11 +40,10 @@ def with_variable_pitch(scenario: Scenario, propeller: VariablePitch | None = No
     >>> with_variable_pitch(load_scenario("k06-real-reverse")).autopilot.propeller.thrust
     1.944
     """
-    own = scenario.autopilot
-    if own is None or own.tables is not None:
-        raise InputError(f"variable pitch: {scenario.name!r} is no trial of the real loop with K06's tables")
-    changed = dataclasses.replace(own, propeller=propeller or VariablePitch())
-    return dataclasses.replace(scenario, autopilot=changed)
+    changed = scenario.with_autopilot(propeller=propeller or VariablePitch())
+    if changed.autopilot and changed.autopilot.tables is not None:
+        raise InputError(f"variable pitch: {scenario.name!r} has tables of its own, not K06's")
+    return changed
 
 
 def without_brake(scenario: Scenario) -> Scenario:
@@ -65,8 +63,7 @@ def without_brake(scenario: Scenario) -> Scenario:
     own = scenario.autopilot
     if own is None:
         raise InputError(f"variable pitch: {scenario.name!r} is no trial of the real loop")
-    changed = dataclasses.replace(own, imperfections=own.imperfections.without("brake"))
-    return dataclasses.replace(scenario, autopilot=changed)
+    return scenario.with_autopilot(imperfections=own.imperfections.without("brake"))
 
 
 FAN, FREE, PITCH = "reversing fan with its brake", "the same fan without the brake", "variable pitch"
@@ -75,7 +72,7 @@ PROPELLERS = {FAN: lambda trial: trial, FREE: without_brake, PITCH: with_variabl
 
 
 def main(
-    out: Path, progress: Progress | None = None, *, runs: int = 8, trials: tuple[str, ...] = TRIALS
+    out: Path, progress: Progress = quiet, *, runs: int = 8, trials: tuple[str, ...] = TRIALS
 ) -> list[Path]:
     """Run each trial with the propellers; compare the rms gap to the ideal loop, headings, and the halt."""
     gaps: dict[str, dict[str, Array]] = {}
@@ -88,8 +85,7 @@ def main(
         findings.append(f"{name}: gap to the ideal loop {_each(gaps[name], '.3f')} m/s{_more(name, found)}.")
         if name == "halt":
             tracks = {label: (t, c["x"]) for label, (t, c) in found.items()}
-        if progress:
-            progress((k + 1) / len(trials))
+        progress((k + 1) / len(trials))
     made = VariablePitch()
     findings.append(
         f"Means of {runs} seeds: {', '.join(PROPELLERS)}. The propeller gives {made.thrust:.2f} N either "

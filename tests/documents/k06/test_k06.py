@@ -32,8 +32,16 @@ def test_the_nearest_of_the_seeds_is_inside_a_range_if_any_is():
     assert trials.nearest(values, 0.4, 0.5) == 0.45
     assert trials.nearest(values, 0.55, 0.6) == 0.45
     assert trials.nearest(values, 0.2, 0.3) == 0.1
-    for rows in trials.ENDS.values():
-        assert all(low < high for *_, low, high in rows)
+
+
+def test_every_end_of_an_axis_in_the_table_is_read_by_loop_signal_and_end():
+    told = [
+        p for n in NUMBERED for p in n.printed if p.text.startswith("the axis ends at") and "tick" in p.text
+    ]
+    read = [end for n in NUMBERED if n.kind == "fig" for end in trials.ends(n.number)]
+    assert [axis for axis, *_ in read] == told and len(told) == 42
+    assert {signal for _, _, signal, _ in read} == set(trials.UNIT)
+    assert all(axis.low < axis.high and axis.unit == trials.UNIT[signal] for axis, _, signal, _ in read)
 
 
 @pytest.mark.parametrize(

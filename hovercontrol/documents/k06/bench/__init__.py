@@ -4,19 +4,18 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from hovercontrol.analysis.output import Progress
+from hovercontrol.analysis.output import Progress, quiet
 from hovercontrol.documents.k06.bench.aids import save_aids
 from hovercontrol.documents.k06.bench.square_wave import save_square_wave
 from hovercontrol.documents.k06.bench.units import save_headings
 
 
-def main(out: Path, progress: Progress | None = None, *, seeds: int = 16, walks: int = 9) -> list[Path]:
+def main(out: Path, progress: Progress = quiet, *, seeds: int = 16, walks: int = 9) -> list[Path]:
     """Draw tables 6.6 and 6.7 and figure 6.20 beside what K06 printed; mean and spread over seeds."""
-    tell = progress or (lambda share: None)
     square = save_square_wave(out, seeds, walks)
-    tell(0.5)
+    progress(0.5)
     by_aid = save_aids(out, seeds)
-    tell(0.8)
+    progress(0.8)
     heading = save_headings(out, seeds)
-    tell(1.0)
+    progress(1.0)
     return [*square, *by_aid, *heading]

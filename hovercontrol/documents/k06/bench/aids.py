@@ -23,7 +23,7 @@ from hovercontrol.documents.k06.bench.runs import (
     rows,
     time_course,
 )
-from hovercontrol.documents.printed import printed, rebuilds
+from hovercontrol.documents.printed import Measure, printed, rebuilds
 
 PRINTED = printed("k06", "table 6.7")
 #: Length of a run, and the time from which errors count [s]; K06's plots begin in the run.
@@ -99,73 +99,69 @@ def table_6_7(folder: Path) -> Mapping[str, float]:
     }
 
 
-@rebuilds("k06", "fig 6.13", lacks=LACKS)
-def fig_6_13(folder: Path) -> Mapping[str, float]:
-    """Heading filter aided by the magnetometer [K06 fig 6.13]."""
-    return _heading_filter("magnetometer", folder)
+def _heading_filter(aid: str) -> Measure:
+    """Return what draws yaw rate and heading of the heading filter, and measures their rms errors.
+
+    [K06 fig 6.13, 6.14]
+    """
+
+    def measure(folder: Path) -> Mapping[str, float]:
+        run = time_course({**COLUMNS[GUESSED], **aided_settings(aid, inline=True)}, SECONDS[aid])
+        true, seen = (np.mod(a, 2 * np.pi) for a in (run["psi"], run["psi"] + run["heading_error"]))
+        figure = Figure(figsize=(8.0, 8.0), layout="constrained")
+        axes = figure.subplots(4, 1, sharex=True)
+        curves = (
+            ("yaw rate", "rad/s", run["r"], run["r_hat"], run["rate_error"]),
+            ("heading", "rad", true, seen, run["heading_error"]),
+        )
+        for k, (name, unit, truth, ins, error) in enumerate(curves):
+            axes[2 * k].plot(run["time"], ins, ".", ms=1.5, color="C1", label="INS")
+            axes[2 * k].plot(run["time"], truth, ".", ms=1.0, color="C0", label="true")
+            axes[2 * k].set_ylabel(f"{name} [{unit}]")
+            axes[2 * k].legend(frameon=False, loc="upper right", fontsize=8, markerscale=6)
+            axes[2 * k + 1].plot(run["time"], np.abs(error), lw=0.8)
+            axes[2 * k + 1].set_ylabel(f"error [{unit}]")
+        axes[-1].set_xlabel("time [s]")
+        figure.savefig(folder / "heading_filter.png", dpi=130)
+        late = run["time"] > 3.0
+        return {
+            "r, rms error": rms(run["rate_error"][late]),
+            "psi, rms error": rms(run["heading_error"][late]),
+        }
+
+    return measure
 
 
-@rebuilds("k06", "fig 6.14", lacks=LACKS)
-def fig_6_14(folder: Path) -> Mapping[str, float]:
-    """Heading filter aided by Cricket [K06 fig 6.14]."""
-    return _heading_filter("cricket", folder)
+def _motion_filter(aid: str) -> Measure:
+    """Return what draws errors of the velocity/position filter, and measures their rms.
+
+    [K06 fig 6.18, 6.19]
+    """
+
+    def measure(folder: Path) -> Mapping[str, float]:
+        run = time_course({**COLUMNS[GUESSED], **aided_settings(aid)}, SECONDS[aid])
+        late = run["time"] > SETTLED[aid]
+        figure = Figure(figsize=(8.0, 7.0), layout="constrained")
+        position, velocity = figure.subplots(2, 1, sharex=True)
+        found = {}
+        for axes, name, unit in ((position, "position", "cm"), (velocity, "velocity", "cm/s")):
+            error = 100 * run[f"{name}_error"]
+            found[f"{name}, rms error"] = rms(error[late])
+            axes.plot(run["time"], np.abs(error), lw=0.8, label="error")
+            axes.axhline(rms(error[late]), color="C3", ls="--", label="root mean square")
+            axes.set_ylabel(f"{name} error [{unit}]")
+            axes.legend(frameon=False, loc="upper right", fontsize=8)
+        velocity.set_xlabel("time [s]")
+        figure.savefig(folder / "motion_filter.png", dpi=130)
+        return found
+
+    return measure
 
 
-def _heading_filter(aid: str, folder: Path) -> Mapping[str, float]:
-    """Draw yaw rate and heading of the heading filter with their errors; return rms errors."""
-    run = time_course({**COLUMNS[GUESSED], **aided_settings(aid, inline=True)}, SECONDS[aid])
-    true, seen = (np.mod(a, 2 * np.pi) for a in (run["psi"], run["psi"] + run["heading_error"]))
-    figure = Figure(figsize=(8.0, 8.0), layout="constrained")
-    axes = figure.subplots(4, 1, sharex=True)
-    curves = (
-        ("yaw rate", "rad/s", run["r"], run["r_hat"], run["rate_error"]),
-        ("heading", "rad", true, seen, run["heading_error"]),
-    )
-    for k, (name, unit, truth, ins, error) in enumerate(curves):
-        axes[2 * k].plot(run["time"], ins, ".", ms=1.5, color="C1", label="INS")
-        axes[2 * k].plot(run["time"], truth, ".", ms=1.0, color="C0", label="true")
-        axes[2 * k].set_ylabel(f"{name} [{unit}]")
-        axes[2 * k].legend(frameon=False, loc="upper right", fontsize=8, markerscale=6)
-        axes[2 * k + 1].plot(run["time"], np.abs(error), lw=0.8)
-        axes[2 * k + 1].set_ylabel(f"error [{unit}]")
-    axes[-1].set_xlabel("time [s]")
-    figure.savefig(folder / "heading_filter.png", dpi=130)
-    late = run["time"] > 3.0
-    return {
-        "r, rms error": rms(run["rate_error"][late]),
-        "psi, rms error": rms(run["heading_error"][late]),
-    }
-
-
-@rebuilds("k06", "fig 6.18", lacks=LACKS)
-def fig_6_18(folder: Path) -> Mapping[str, float]:
-    """Velocity/position filter aided by magnetometer and encoder [K06 fig 6.18]."""
-    return _motion_filter("magnetometer", folder)
-
-
-@rebuilds("k06", "fig 6.19", lacks=LACKS)
-def fig_6_19(folder: Path) -> Mapping[str, float]:
-    """Velocity/position filter aided by Cricket [K06 fig 6.19]."""
-    return _motion_filter("cricket", folder)
-
-
-def _motion_filter(aid: str, folder: Path) -> Mapping[str, float]:
-    """Draw position and velocity errors of the velocity/position filter; return rms errors."""
-    run = time_course({**COLUMNS[GUESSED], **aided_settings(aid)}, SECONDS[aid])
-    late = run["time"] > SETTLED[aid]
-    figure = Figure(figsize=(8.0, 7.0), layout="constrained")
-    position, velocity = figure.subplots(2, 1, sharex=True)
-    found = {}
-    for axes, name, unit in ((position, "position", "cm"), (velocity, "velocity", "cm/s")):
-        error = 100 * run[f"{name}_error"]
-        found[f"{name}, rms error"] = rms(error[late])
-        axes.plot(run["time"], np.abs(error), lw=0.8, label="error")
-        axes.axhline(rms(error[late]), color="C3", ls="--", label="root mean square")
-        axes.set_ylabel(f"{name} error [{unit}]")
-        axes.legend(frameon=False, loc="upper right", fontsize=8)
-    velocity.set_xlabel("time [s]")
-    figure.savefig(folder / "motion_filter.png", dpi=130)
-    return found
+fig_6_13 = rebuilds("k06", "fig 6.13", lacks=LACKS)(_heading_filter("magnetometer"))
+fig_6_14 = rebuilds("k06", "fig 6.14", lacks=LACKS)(_heading_filter("cricket"))
+fig_6_18 = rebuilds("k06", "fig 6.18", lacks=LACKS)(_motion_filter("magnetometer"))
+fig_6_19 = rebuilds("k06", "fig 6.19", lacks=LACKS)(_motion_filter("cricket"))
 
 
 # ---- by the sensors' errors -------------------------------------------------------------------------

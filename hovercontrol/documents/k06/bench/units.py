@@ -22,6 +22,7 @@ from hovercontrol.documents.k06.bench.runs import (
     time_course,
 )
 from hovercontrol.documents.printed import printed, rebuilds
+from hovercontrol.scenarios.real_figures import within_a_turn
 
 PRINTED = printed("k06", "fig 6.20")
 #: Other places of the second Cricket unit, 8 in from the first, in the body's axes [m].
@@ -64,9 +65,7 @@ def heading_figure() -> Figure:
     heading, error = figure.subplots(2, 1, sharex=True)
     shown = run["time"] > 22.0
     time = run["time"][shown]
-    turn = run["psi"][shown] % (2 * np.pi)
-    turn[1:][np.diff(turn) > np.pi] = np.nan
-    heading.plot(time, turn, color="0.6", lw=2.5, label="true")
+    heading.plot(time, within_a_turn(run["psi"][shown]), color="0.6", lw=2.5, label="true")
     arrived = run["heading_fix_arrived"][shown] > 0
     for name, signal, mark, fill, style in (
         ("raw", "heading_fix", "ko", "black", "k-"),
