@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from hovercontrol.analysis.trials import run_trial
 from hovercontrol.documents.item import Item, Printed, about, at_least, at_most
-from hovercontrol.documents.k06.reverse_error import ASTERN, SUSPECTS, VISIBLE, steady_errors
+from hovercontrol.documents.k06.reverse_error import ASTERN, NOISES, SUSPECTS, VISIBLE, steady_errors
 from hovercontrol.scenarios import Run, Scenario, load_scenario, run_scenario
 from hovercontrol.scenarios.figures import figures
 from hovercontrol.scenarios.measures import measure
@@ -235,7 +235,7 @@ def fig_6_23(folder: Path) -> Mapping[str, float]:
     suspect = SUSPECTS[names[1]].fitted_to(load_scenario("k06-real-reverse"))
     figures(run_scenario(suspect))["comparison"].savefig(folder / "dead_zone.png", dpi=130)
     values: dict[str, float] = {}
-    for navigation, noise in (("magnetometer", "sensors in full"), ("error_model", "K06's noise")):
+    for noise, navigation in NOISES.items():
         nothing, dead = steady_errors({n: SUSPECTS[n] for n in names}, runs=6, navigation=navigation)
         ahead = float(dead.ahead.mean() - nothing.ahead.mean())
         values[f"error ahead beyond the simulation's, {noise}"] = abs(ahead)
@@ -447,7 +447,7 @@ ITEMS = [
                     text="ahead the agreement is excellent",
                     fitted="the suspect is chosen so",
                 )
-                for noise in ("sensors in full", "K06's noise")
+                for noise in NOISES
             ),
             *(
                 at_least(
@@ -457,7 +457,7 @@ ITEMS = [
                     text="a nontrivial steady-state error, at any reference",
                     fitted=fitted,
                 )
-                for noise, fitted in (("sensors in full", "the suspect is chosen so"), ("K06's noise", ""))
+                for noise, fitted in zip(NOISES, ("the suspect is chosen so", ""), strict=True)
                 for ref in ASTERN
             ),
         ),

@@ -65,13 +65,23 @@ def test_the_pitch_script_sets_the_propellers_side_by_side(tmp_path, monkeypatch
 
 
 def test_the_reverse_scripts_verdict_is_that_of_both_findings(tmp_path, monkeypatch):
-    made = [
-        SteadyError(name, (np.array([a, a]), np.array([a, a])), np.array([b, b]), 0.1)
-        for name, a, b in (("nothing", 0.01, 0.04), ("zone", 0.08, 0.0), ("drag", 0.09, -0.1))
-    ]
-    monkeypatch.setattr(reverse_error, "steady_errors", lambda **given: made)
+    def made(*, navigation, **given):
+        zone = 0.08 if navigation == "magnetometer" else 0.02
+        return [
+            SteadyError(name, (np.array([a, a]), np.array([a, a])), np.array([b, b]), 0.1)
+            for name, a, b in (("nothing", 0.01, 0.04), ("zone", zone, 0.0), ("drag", 0.09, -0.1))
+        ]
+
+    monkeypatch.setattr(reverse_error, "steady_errors", made)
     reverse_error.main(tmp_path, logged=())
-    assert "Both as K06 saw them: zone." in (tmp_path / "k06_reverse_error.txt").read_text()
+    said = (tmp_path / "k06_reverse_error.txt").read_text()
+    assert "With sensors and filters in full, both as K06 saw them: zone." in said
+    assert "With K06's noise, both as K06 saw them: none of these." in said
+    rows = pyarrow.csv.read_csv(tmp_path / "k06_reverse_error.csv").to_pylist()
+    assert [row["mean error, reference -0.5 [m/s]"] for row in rows if row["suspect"] == "zone"] == [
+        0.08,
+        0.02,
+    ]
 
 
 @pytest.mark.slow
