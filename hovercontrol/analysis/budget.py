@@ -94,7 +94,6 @@ def budget(
     scenario: Scenario,
     *,
     runs: int = 20,
-    params: Mapping[str, float] | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Budget:
     """Return the cost of each imperfection of a trial.
@@ -109,8 +108,6 @@ def budget(
         With an autopilot and one phase.
     runs : int, optional
         Seeds, from 1 on.
-    params : mapping, optional
-        Other parameter values of the loop, by key: sizes of errors.
     progress : callable, optional
         Called with the share that is done.
 
@@ -125,14 +122,13 @@ def budget(
     """
     given = need_trial("budget", scenario, runs, at_least=2).imperfections
     loop = real_loop(scenario, loop_parts(scenario))
-    base = loop.with_values(params or {})
     sets = {("whole", ""): given, ("none", ""): Imperfections.only()}
     for name, members in {**{n: (n,) for n in SWITCHES}, **GROUPS}.items():
         sets["alone", name] = Imperfections.only(*members)
         if any(m in given.names for m in members):
             sets["without", name] = given.without(*members)
     # The loop is built with some switched off: their sizes are those of a loop with all.
-    full = base.with_values(Imperfections.only(*SWITCHES).parameters(base))
+    full = loop.with_values(Imperfections.only(*SWITCHES).parameters(loop))
     columns: dict[str, Any] = {}
     for chosen in sets.values():
         for key, value in chosen.parameters(full).items():

@@ -42,10 +42,12 @@ def comparison(run: Run) -> Figure:
             curves["reference"] = run.columns[told[name]] * factor
             styles.append("k:")
         in_time(run, axes[k], curves, unit, tuple(styles))
-        if name == "psi":  # a hair below zero is drawn at a whole turn: not for that the axis
+        if name == "psi":  # an estimate just below zero is drawn at a whole turn: the axis leaves it out
             drawn = np.concatenate([v for key, v in curves.items() if key != "real, by its INS"])
             low, high = float(np.nanmin(drawn)), float(np.nanmax(drawn))
             axes[k].set_ylim(low - 0.1 * (high - low), high + 0.1 * (high - low))
+            if high - low > 180.0:
+                axes[k].set_yticks(range(0, 361, 90))
     return figure
 
 

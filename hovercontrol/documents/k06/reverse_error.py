@@ -194,6 +194,9 @@ def _coefficients(trial: Scenario, every: Mapping[str, Effect], suspect: Suspect
     }
 
 
+#: By what stands for the navigation, its name in :func:`steady_errors`.
+NOISES = {"sensors and filters in full": "magnetometer", "K06's noise": "error_model"}
+
 #: The phases of a log for `diagnose`: both ways, halting between.
 _LOGGED = (
     Phase("reverse", 10.0, setpoints={"surge_ref": -0.76}),
@@ -225,37 +228,48 @@ LOGGED = ("reverse thrust 60 % less", "dead zone of the fan, 0.2 N", "dry fricti
 def main(
     out: Path, progress: Progress = quiet, *, runs: int = 6, logged: Sequence[str] = LOGGED
 ) -> list[Path]:
-    """Run each suspect astern and ahead, compare its errors with K06's findings, and diagnose logs."""
-    found = steady_errors(runs=runs, progress=lambda share: progress(0.6 * share))
+    """Run each suspect in reverse and ahead by both models of the noise; diagnose logs of some."""
+    found: dict[str, list[SteadyError]] = {}
+    for k, (noise, navigation) in enumerate(NOISES.items()):
+        part = lambda share, k=k: progress(0.4 * (k + share))  # noqa: E731
+        found[noise] = steady_errors(runs=runs, navigation=navigation, progress=part)
     words = _words(found, runs)
     for k, name in enumerate(logged):
         words.append(_diagnosed(name))
-        progress(0.6 + 0.4 * (k + 1) / len(logged))
+        progress(0.8 + 0.2 * (k + 1) / len(logged))
     return save(out, "k06_reverse_error", _figure(found, runs), {"k06_reverse_error": _columns(found)}, words)
 
 
-def _words(found: Sequence[SteadyError], runs: int) -> list[str]:
+def _words(found: Mapping[str, Sequence[SteadyError]], runs: int) -> list[str]:
     refs = ", ".join(f"{ref:g}" for ref in ASTERN)
     lines = [
-        f"Surge by the navigation less what is told [m/s], {runs} seeds, told {refs} and {AHEAD:g} m/s.",
-        "K06: astern an error at every reference, ahead none beyond the simulation's.",
+        f"Mean surge velocity by the navigation less its reference [m/s], {runs} seeds; "
+        f"references {refs} and {AHEAD:g} m/s.",
+        "K06: in reverse an error at every reference, ahead none beyond the simulation's.",
     ]
-    explains = []
-    for one in found:
-        back, front = one.agrees(found[0])
-        errors = ", ".join(f"{a.mean():+.3f}" for a in (*one.astern, one.ahead))
-        verdict = [f"{'an' if back else 'no'} error astern", f"{'none' if front else 'one'} ahead"]
-        lines.append(f"{one.suspect:34s} {errors}: {', '.join(verdict)}")
-        if back and front:
-            explains.append(one.suspect)
-    lines.append(f"Both as K06 saw them: {'; '.join(explains) or 'none of these'}.")
+    for noise, errors in found.items():
+        lines.append(f"With {noise}:")
+        lines += _table(errors)
+        explains = [one.suspect for one in errors if all(one.agrees(errors[0]))]
+        lines.append(f"With {noise}, both as K06 saw them: {'; '.join(explains) or 'none of these'}.")
     lines.append(
-        f"Seen counts {VISIBLE:g} m/s beyond the simulation's. K06 prints no size of the error; its gauge "
-        "resolved 0.1 N. A dead zone of about 0.2 N fits; that friction adds to it is not excluded."
+        f"An error counts from {VISIBLE:g} m/s beyond the simulation's. K06 prints no size of the error; its "
+        "gauge resolved 0.1 N. Friction beside a dead zone is not excluded."
     )
     lines.append(
         "A bias of the velocity's estimate is excluded: the law holds that estimate, and it is what is drawn."
     )
+    return lines
+
+
+def _table(errors: Sequence[SteadyError]) -> list[str]:
+    """Return a line for each suspect: its mean errors, and whether they are K06's."""
+    lines = []
+    for one in errors:
+        back, front = one.agrees(errors[0])
+        means = ", ".join(f"{a.mean():+.3f}" for a in (*one.astern, one.ahead))
+        verdict = f"{'an' if back else 'no'} error in reverse, {'none' if front else 'one'} ahead"
+        lines.append(f"{one.suspect:34s} {means}: {verdict}")
     return lines
 
 
@@ -266,29 +280,39 @@ def _diagnosed(name: str) -> str:
     return f"diagnose on 33 s of log with {name}: {found.verdict}; {named or 'nothing named'}"
 
 
-def _figure(found: Sequence[SteadyError], runs: int) -> Figure:
-    figure = Figure(figsize=(8.5, 1.2 + 0.45 * len(found)), layout="constrained")
-    axes = figure.subplots()
-    rows = np.arange(len(found))[::-1]
-    cases = [*(f"told {ref:g} m/s" for ref in ASTERN), f"told {AHEAD:g} m/s"]
-    for k, (case, mark) in enumerate(zip(cases, "ovD", strict=True)):
-        errors = [(*one.astern, one.ahead)[k] for one in found]
-        means, spread = [e.mean() for e in errors], [e.std() for e in errors]
-        axes.errorbar(means, rows + 0.2 * (1 - k), xerr=spread, fmt=mark, ms=5, color=f"C{k}", label=case)
-    axes.axvline(0.0, color="0.6", lw=0.8)
-    axes.set_yticks(rows, [one.suspect for one in found])
-    axes.set_xlabel("surge by the navigation less what is told, 9 to 15 s [m/s]")
-    axes.set_title(f"K06's real loop with what it may lack, mean and spread of {runs} seeds", fontsize=10)
-    axes.grid(axis="x", alpha=0.3)
-    axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False, fontsize=8)
+def _figure(found: Mapping[str, Sequence[SteadyError]], runs: int) -> Figure:
+    suspects = [one.suspect for one in next(iter(found.values()))]
+    figure = Figure(figsize=(10.5, 1.6 + 0.45 * len(suspects)), layout="constrained")
+    places = figure.subplots(1, len(found), sharey=True, squeeze=False)[0]
+    rows = np.arange(len(suspects))[::-1]
+    cases = [f"reference {ref:g} m/s" for ref in (*ASTERN, AHEAD)]
+    for axes, (noise, errors) in zip(places, found.items(), strict=True):
+        for k, (case, mark) in enumerate(zip(cases, "ovD", strict=True)):
+            values = [(*one.astern, one.ahead)[k] for one in errors]
+            means, spread = [e.mean() for e in values], [e.std() for e in values]
+            axes.errorbar(means, rows + 0.2 * (1 - k), xerr=spread, fmt=mark, ms=5, color=f"C{k}", label=case)
+        axes.axvline(0.0, color="0.6", lw=0.8)
+        axes.set_yticks(rows, suspects)
+        axes.set_xlabel("surge velocity by the navigation\nless its reference, 9 to 15 s [m/s]")
+        axes.set_title(noise, fontsize=10)
+        axes.grid(axis="x", alpha=0.3)
+    handles, labels = places[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False, fontsize=9)
+    figure.suptitle(
+        f"K06's real loop with each suspected effect: mean and spread of {runs} seeds", fontsize=11
+    )
     return figure
 
 
-def _columns(found: Sequence[SteadyError]) -> dict[str, list[Any]]:
-    columns: dict[str, list[Any]] = {"suspect": [one.suspect for one in found]}
+def _columns(found: Mapping[str, Sequence[SteadyError]]) -> dict[str, list[Any]]:
+    every = [(noise, one) for noise, errors in found.items() for one in errors]
+    columns: dict[str, list[Any]] = {
+        "noise": [noise for noise, _ in every],
+        "suspect": [one.suspect for _, one in every],
+    }
     for k, ref in enumerate((*ASTERN, AHEAD)):
-        errors = [(*one.astern, one.ahead)[k] for one in found]
-        columns[f"mean error told {ref:g} [m/s]"] = [float(e.mean()) for e in errors]
-        columns[f"spread told {ref:g} [m/s]"] = [float(e.std()) for e in errors]
-    columns["yaw rate astern, rms [rad/s]"] = [one.yaw_rate for one in found]
+        errors = [(*one.astern, one.ahead)[k] for _, one in every]
+        columns[f"mean error, reference {ref:g} [m/s]"] = [float(e.mean()) for e in errors]
+        columns[f"spread, reference {ref:g} [m/s]"] = [float(e.std()) for e in errors]
+    columns["yaw rate in reverse, rms [rad/s]"] = [one.yaw_rate for _, one in every]
     return columns

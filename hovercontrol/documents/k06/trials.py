@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from hovercontrol.analysis.trials import run_trial
 from hovercontrol.documents.item import Printed
-from hovercontrol.documents.k06.reverse_error import ASTERN, SUSPECTS, steady_errors
+from hovercontrol.documents.k06.reverse_error import ASTERN, NOISES, SUSPECTS, steady_errors
 from hovercontrol.documents.printed import Measure, printed, rebuilds
 from hovercontrol.scenarios import Run, Scenario, load_scenario, run_scenario
 from hovercontrol.scenarios.figures import figures
@@ -176,7 +176,7 @@ def fig_6_23(folder: Path) -> Mapping[str, float]:
     suspect = SUSPECTS[names[1]].fitted_to(load_scenario("k06-real-reverse"))
     figures(run_scenario(suspect))["comparison"].savefig(folder / "dead_zone.png", dpi=130)
     values: dict[str, float] = {}
-    for navigation, noise in (("magnetometer", "sensors in full"), ("error_model", "K06's noise")):
+    for noise, navigation in NOISES.items():
         nothing, dead = steady_errors({n: SUSPECTS[n] for n in names}, runs=6, navigation=navigation)
         ahead = float(dead.ahead.mean() - nothing.ahead.mean())
         values[f"error ahead beyond the simulation's, {noise}"] = abs(ahead)

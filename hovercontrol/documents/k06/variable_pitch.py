@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from hovercontrol.analysis.output import Progress, quiet, save
 from hovercontrol.analysis.trials import run_trial
 from hovercontrol.errors import InputError
-from hovercontrol.hardware.actuators import VariablePitch
+from hovercontrol.hardware.actuators import VariablePitch, fan_force
+from hovercontrol.hardware.actuators.k06 import HIGHEST_SPEED
 from hovercontrol.scenarios import Scenario, load_scenario
 
 Array = NDArray[np.float64]
@@ -86,10 +87,10 @@ def main(
         if name == "halt":
             tracks = {label: (t, c["x"]) for label, (t, c) in found.items()}
         progress((k + 1) / len(trials))
-    made = VariablePitch()
+    made, astern = VariablePitch(), -float(fan_force(-HIGHEST_SPEED))
     findings.append(
         f"Means of {runs} seeds: {', '.join(PROPELLERS)}. The propeller gives {made.thrust:.2f} N either "
-        f"way, its pitch {made.lag:g} s behind (an assumption); the fan gives 0.97 N astern."
+        f"way, its pitch {made.lag:g} s behind (an assumption); the fan gives {astern:.2f} N astern."
     )
     rows = [
         {"trial": name, "propeller": label, "gap [m/s]": float(gap.mean())}

@@ -146,10 +146,16 @@ def imu(
 
 @checked
 def k06_imu(*, period: float = IMU_TICK, rate: str = "r", seed: int = 1, name: str = "imu") -> Block:
-    """Return K06's simulated inertial errors with the full scales of its hardware.
+    """Return an inertial measurement unit with error sizes from K06 and the full scales of its hardware.
 
-    Biases of 2.5 cm/s^2 and 1 deg/s, gyro noise of 0.5 deg/s (section 6.1.1; it calls these standard
-    deviations variances), drawn from the seed; full scales 1.7 g and 300 deg/s (section 5.4.1).
+    Biases of 2.5 cm/s^2 and 1 deg/s, drawn from the seed, and gyro noise of 0.5 deg/s, all standard
+    deviations; full scales 1.7 g and 300 deg/s (section 5.4.1).
+
+    K06 does not print these errors of the sensor. The three values are those of section 6.1.1, where they are
+    variances of the errors that a simulated navigation leaves; :func:`~hovercontrol.autopilot.error_model`
+    takes them as variances. Those of the sensor itself they cannot be: gyro noise would be 5.4 deg/s, but
+    the yaw rate of table 6.7 is accurate to 3.7 deg/s. White noise of the sensor at rest is in Q1 and Q2 of
+    section 5.4.5: 1.27 deg/s, 0.18 and 0.16 m/s^2.
 
     Parameters
     ----------

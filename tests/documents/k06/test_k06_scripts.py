@@ -59,19 +59,29 @@ def test_the_pitch_script_sets_the_propellers_side_by_side(tmp_path, monkeypatch
     variable_pitch.main(tmp_path, trials=("halt", "heading-bangbang-rest"), runs=2)
     said = (tmp_path / "k06_variable_pitch.txt").read_text()
     assert "0.200, 0.300, 0.100 m/s; from 1.1 m/s it stands after 0.20, 0.30, 0.10 m" in said
-    assert "11, 17, 6 deg" in said
+    assert "11, 17, 6 deg" in said and "1.94 N either way" in said and "0.90 N astern" in said
     rows = pyarrow.csv.read_csv(tmp_path / "k06_variable_pitch.csv").to_pylist()
     assert [row["distance [m]"] for row in rows[:3]] == [0.2, 0.3, 0.1] and len(rows) == 6
 
 
 def test_the_reverse_scripts_verdict_is_that_of_both_findings(tmp_path, monkeypatch):
-    made = [
-        SteadyError(name, (np.array([a, a]), np.array([a, a])), np.array([b, b]), 0.1)
-        for name, a, b in (("nothing", 0.01, 0.04), ("zone", 0.08, 0.0), ("drag", 0.09, -0.1))
-    ]
-    monkeypatch.setattr(reverse_error, "steady_errors", lambda **given: made)
+    def made(*, navigation, **given):
+        zone = 0.08 if navigation == "magnetometer" else 0.02
+        return [
+            SteadyError(name, (np.array([a, a]), np.array([a, a])), np.array([b, b]), 0.1)
+            for name, a, b in (("nothing", 0.01, 0.04), ("zone", zone, 0.0), ("drag", 0.09, -0.1))
+        ]
+
+    monkeypatch.setattr(reverse_error, "steady_errors", made)
     reverse_error.main(tmp_path, logged=())
-    assert "Both as K06 saw them: zone." in (tmp_path / "k06_reverse_error.txt").read_text()
+    said = (tmp_path / "k06_reverse_error.txt").read_text()
+    assert "With sensors and filters in full, both as K06 saw them: zone." in said
+    assert "With K06's noise, both as K06 saw them: none of these." in said
+    rows = pyarrow.csv.read_csv(tmp_path / "k06_reverse_error.csv").to_pylist()
+    assert [row["mean error, reference -0.5 [m/s]"] for row in rows if row["suspect"] == "zone"] == [
+        0.08,
+        0.02,
+    ]
 
 
 @pytest.mark.slow
@@ -85,7 +95,7 @@ def test_a_variable_pitch_propeller_halts_the_craft_in_less_way():
         way.append(driven["x"].max(axis=1).mean())
         push.append(driven["thrust"].min())
     assert way[1] < 0.7 * way[0]
-    assert push == pytest.approx([-0.97, -2.09], abs=0.01)
+    assert push == pytest.approx([-0.90, -1.94], abs=0.01)
     with pytest.raises(InputError, match="'k06-stop' is no trial of the real loop"):
         with_variable_pitch(load_scenario("k06-stop"))
 
