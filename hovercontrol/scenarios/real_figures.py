@@ -15,28 +15,37 @@ if TYPE_CHECKING:
     from hovercontrol.scenarios.result import Run
 
 
-def comparison(run: Run) -> Figure:
+def comparison(run: Run, simulated: Run | None = None) -> Figure:
     """Return surge, sway, yaw rate, and of a heading trial the heading: reference, real and ideal loop.
 
     Parameters
     ----------
     run : Run
         Run of a scenario with an autopilot.
+    simulated : Run, optional
+        The same trial run with the model that the controller knows, drawn in place of the ideal loop, as in
+        K06's figures 6.21 to 6.26.
     """
     rows = {"u": "surge u [m/s]", "v": "sway v [m/s]", "r": "yaw rate r [rad/s]"}
     told = {"u": "surge_ref", "r": "yaw_rate_ref", "psi": "heading_ref"}
     if "heading_ref" in run.columns:
         rows["psi"] = "heading psi [deg]"
         told.pop("r")  # what guidance tells the law changes all the time
-    figure, axes = time_figure(run, "the real and the ideal loop", len(rows), 1.0 + 1.9 * len(rows))
+    what = "the real and the ideal loop"
+    if simulated is not None:
+        what = "real: with what the model lacks; simulated: the model"
+    figure, axes = time_figure(run, what, len(rows), 1.0 + 1.9 * len(rows))
     for k, (name, unit) in enumerate(rows.items()):
         factor = math.degrees(1.0) if unit.endswith("[deg]") else 1.0
         shown = within_a_turn if name == "psi" else np.asarray
         curves = {
             "real, by its INS": shown(run.columns[name]) * factor,
             "real": shown(run.columns[f"true_{name}"]) * factor,
-            "ideal": shown(run.columns[f"ideal_{name}"]) * factor,
         }
+        if simulated is None:
+            curves["ideal"] = shown(run.columns[f"ideal_{name}"]) * factor
+        else:
+            curves["simulated"] = shown(simulated.columns[f"true_{name}"]) * factor
         styles = ["0.75", "C0", "C3--"]
         if told.get(name) in run.columns:
             curves["reference"] = run.columns[told[name]] * factor

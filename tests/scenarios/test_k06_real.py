@@ -1,5 +1,6 @@
 """K06's real loop beside the ideal one: the thesis' figures over many seeds, logs, pictures, wrong files."""
 
+import dataclasses
 import importlib.util
 from functools import cache
 from pathlib import Path
@@ -19,6 +20,7 @@ from hovercontrol.scenarios import load_scenario, run_scenario
 from hovercontrol.scenarios.figures import figures
 from hovercontrol.scenarios.parts import loop_parts, phase_parameters
 from hovercontrol.scenarios.real import real_loop
+from hovercontrol.scenarios.real_figures import comparison
 
 SEEDS = 15
 SCRIPT = Path(__file__).parents[2] / "analyses" / "k06_budget.py"
@@ -122,6 +124,15 @@ def test_the_picture_shows_reference_real_and_ideal(heading):
     assert labels == ["real, by its INS", "real", "ideal", "reference"]
     turned = drawn.axes[-1].lines[1].get_ydata()
     assert np.nanmin(turned) >= 0.0 and np.nanmax(turned) < 360.0
+
+
+def test_the_picture_of_a_field_trial_shows_the_simulation_in_place_of_the_ideal_loop(heading):
+    later = dataclasses.replace(
+        heading, columns=heading.columns | {"true_u": heading.columns["true_u"] + 1.0}
+    )
+    lines = comparison(heading, later).axes[0].lines
+    assert [line.get_label() for line in lines] == ["real, by its INS", "real", "simulated"]
+    assert lines[2].get_ydata() - lines[1].get_ydata() == pytest.approx(1.0)
 
 
 # ---- the budget ----------------------------------------------------------------------------

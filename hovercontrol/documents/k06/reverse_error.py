@@ -283,7 +283,7 @@ def _diagnosed(name: str) -> str:
 def _figure(found: Mapping[str, Sequence[SteadyError]], runs: int) -> Figure:
     suspects = [one.suspect for one in next(iter(found.values()))]
     figure = Figure(figsize=(10.5, 1.6 + 0.45 * len(suspects)), layout="constrained")
-    places = figure.subplots(1, len(found), sharey=True, squeeze=False)[0]
+    places = figure.subplots(1, len(found), sharex=True, sharey=True, squeeze=False)[0]
     rows = np.arange(len(suspects))[::-1]
     cases = [f"reference {ref:g} m/s" for ref in (*ASTERN, AHEAD)]
     for axes, (noise, errors) in zip(places, found.items(), strict=True):

@@ -19,7 +19,7 @@ from hovercontrol.documents.printed import Measure, printed, rebuilds
 from hovercontrol.scenarios import Run, Scenario, load_scenario, run_scenario
 from hovercontrol.scenarios.figures import figures
 from hovercontrol.scenarios.measures import measure
-from hovercontrol.scenarios.real_figures import within_a_turn
+from hovercontrol.scenarios.real_figures import comparison, within_a_turn
 
 Array = NDArray[np.float64]
 
@@ -35,6 +35,9 @@ FIELD = (
     "the craft: its yaw friction here is what brings figure 6.24 to 1.75 rad/s. The curves are not in the "
     "text, so that K06's words and the ends of its axes are compared"
 )
+
+#: Figures of the field are drawn up to here at most [s]: figure 6.24 ends at 22 s, 6.25 and 6.26 at 30 s.
+FIELD_END = 30.0
 
 UNIT = {"u": "m/s", "v": "m/s", "r": "rad/s", "psi": "rad"}
 
@@ -114,6 +117,20 @@ def table(name: str) -> Measure:
     return measure
 
 
+def _picture(name: str) -> Figure:
+    """Return a simulated trial beside the ideal loop; one of the field beside the craft without friction."""
+    if name.startswith("k06-field-"):
+        return _field_picture(load_scenario(name))
+    return figures(run(name))["comparison"]
+
+
+def _field_picture(scenario: Scenario) -> Figure:
+    """Return the first phase of a field trial, real and simulated, as K06's figures 6.21 to 6.26."""
+    first = replace(scenario.phases[0], until=min(scenario.phases[0].until, FIELD_END))
+    real = replace(scenario, phases=(first,), metrics=())
+    return comparison(run_scenario(real), run_scenario(replace(real, plant=real.belief)))
+
+
 def trial(figure: str, *names: str) -> Measure:
     """Return what draws trials of the real loop beside the ideal one, and measures them over seeds.
 
@@ -124,7 +141,7 @@ def trial(figure: str, *names: str) -> Measure:
         values: dict[str, float] = {}
         for name in names:
             label = f"{name.partition('heading-')[2]}: " if len(names) > 1 else ""
-            figures(run(name))["comparison"].savefig(folder / f"{name}.png", dpi=130)
+            _picture(name).savefig(folder / f"{name}.png", dpi=130)
             values |= {f"{label}{key}": value for key, value in measured(name)[0].items()}
             if "ideal_psi" in run(name).columns and "heading_ref" in run(name).columns:
                 c, late = run(name).columns, run(name).time > run(name).time[-1] - 10.0
@@ -174,7 +191,7 @@ def fig_6_23(folder: Path) -> Mapping[str, float]:
     """Steady error astern with a dead zone of the fan, by two models of the noise [K06 fig 6.23]."""
     names = ("nothing", "dead zone of the fan, 0.2 N")
     suspect = SUSPECTS[names[1]].fitted_to(load_scenario("k06-real-reverse"))
-    figures(run_scenario(suspect))["comparison"].savefig(folder / "dead_zone.png", dpi=130)
+    _field_picture(suspect).savefig(folder / "dead_zone.png", dpi=130)
     values: dict[str, float] = {}
     for noise, navigation in NOISES.items():
         nothing, dead = steady_errors({n: SUSPECTS[n] for n in names}, runs=6, navigation=navigation)
@@ -196,7 +213,7 @@ def fig_6_23(folder: Path) -> Mapping[str, float]:
 def fig_6_24(folder: Path) -> Mapping[str, float]:
     """Turn of a craft with yaw friction, by the whole loop [K06 fig 6.24]."""
     real, own = run("k06-field-real-turn"), run("k06-real-turn", own=False)
-    figures(real)["comparison"].savefig(folder / "comparison.png", dpi=130)
+    _field_picture(real.scenario).savefig(folder / "comparison.png", dpi=130)
     values = {m.metric.name: m.value for m in real.metrics()}
     rate = own.columns["true_r"]
     first = own.time[np.argmax(rate >= 0.95 * 3.0)]
