@@ -184,7 +184,7 @@ def only(rudder, speed, force, chosen):
             lambda: fit_rudder([1, 2, np.nan], [1, 2, 3]),
             "column 1, row 3: expected a finite number, found nan",
         ),
-        (lambda: mean_inertia([0.096]), "expected 2 measurements"),
+        (lambda: mean_inertia([0.096]), "expected 2 or more measurements"),
         (
             lambda: fit_inertia([0, 1, 2], [0, 1, 2], side_force=0.3, arm=0.32),
             "expected a yaw acceleration of",
