@@ -143,7 +143,7 @@ def test_values_are_changed_by_name_and_within_bounds():
         plant.with_values({"plant.yaw_coulomb": -0.1})
     with pytest.raises(InputError, match="no signal 'w'"):
         plant.with_values({"w": 1.0})
-    with pytest.raises(InputError, match="computed"):
+    with pytest.raises(InputError, match="is an output or definition and has no start value"):
         closed_loop().with_values({"error_x": 1.0})
 
 
