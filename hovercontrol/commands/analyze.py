@@ -20,7 +20,6 @@ from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.io import output
 from hovercontrol.io.figure_style import figure_style
 from hovercontrol.io.files import check_folder
-from hovercontrol.io.plain_json import json_text
 
 if TYPE_CHECKING:
     from hovercontrol.documents import Item
@@ -192,6 +191,8 @@ def _rebuild(items: Sequence[Item], folder: Path) -> _Done:
 
 def _show_json(found: Sequence[_Done]) -> None:
     """Print one result as it is, several as a list."""
+    from hovercontrol.io.plain_json import json_text
+
     results = [{**done.content, "files": [str(done.folder / f.name) for f in done.files]} for done in found]
     output.write(json_text(results[0] if len(results) == 1 else {"results": results}))
 

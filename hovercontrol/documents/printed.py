@@ -175,6 +175,7 @@ def rebuilds(
     def mark(measure: Measure) -> Measure:
         item = Item(*found.key, found.title, measure, found.printed, lacks, why, units)
         measure.__dict__["item"] = item
+        measure.__doc__ = measure.__doc__ or f"Rebuild {document.upper()} {item.name}: {item.title}."
         return measure
 
     return mark

@@ -35,7 +35,7 @@ COMMANDS = {
 SLOW = ("analyze", "table1", "identify", "items", "field", "diagnose")
 #: A command that reads another's log comes after it.
 NEEDS = {"check": "simulate", "diagnose": "field"}
-#: What differs from run to run, or names the version and the machine; gains near zero in a trace are rounding.
+#: What differs from run to run, or names version and machine; gains near zero in a trace are rounding.
 PASSING = (
     "seconds",
     "version",

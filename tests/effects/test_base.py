@@ -116,8 +116,8 @@ def test_a_name_that_no_parameter_may_have_is_refused():
 @pytest.mark.parametrize(
     ("term", "said"),
     [
-        ("c.value * s.yawrate", "no 'yawrate' here; known: .*psi, r, rudder"),
-        ("c.vale * s.r", "no 'vale' here; did you mean 'value'"),
+        ("c.value * s.yawrate", "'yawrate' does not exist here; known: .*psi, r, rudder"),
+        ("c.vale * s.r", "'vale' does not exist here; did you mean 'value'"),
         ("np.sqrt(s.u)", "NameError: name 'np' is not defined"),
     ],
 )

@@ -219,9 +219,9 @@ def test_a_failed_start_and_a_fatal_error_are_lines_too(probe):
 def test_messages_of_two_fmus_and_of_fmpy_itself_do_not_mix(probe, capfd):
     one, two = probe(name="one"), probe(name="two")
     one.output(0, [0], [0])
-    with pytest.raises(InputError, match=r"FMU 'two' failed .* it says: no solution for u = 4"):
+    with pytest.raises(InputError, match=r"FMU 'two' failed .* its message: no solution for u = 4"):
         ct.input_output_response(two, T, 4.0, params={"trouble": TROUBLE["discard"]})
-    with pytest.raises(InputError, match=r"FMU 'one' failed .* it says: no solution for u = 6"):
+    with pytest.raises(InputError, match=r"FMU 'one' failed .* its message: no solution for u = 6"):
         ct.input_output_response(one, T, 6.0, params={"trouble": TROUBLE["discard"]})
     assert capfd.readouterr().out == ""
     start = {"trouble": TROUBLE["error"]}

@@ -157,7 +157,7 @@ def range_particles(
 
     Examples
     --------
-    >>> from hovercontrol.estimators.ins.runs import simulate_runs
+    >>> from hovercontrol.simulation.sampled import simulate_runs
     >>> block = range_particles(Beacons([(0, 0), (3, 0)], 2.0), area=((0, 3), (0, 2)), particles=1000)
     >>> still = {s.name: np.zeros(40) for s in block.inputs} | {"range_1_valid": np.ones(40)}
     >>> ranges = {"range_1": np.full(40, 6**0.5), "range_2": np.full(40, 3.0), "range_2_valid": np.ones(40)}
