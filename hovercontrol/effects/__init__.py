@@ -7,7 +7,8 @@ import pkgutil
 from typing import Any
 
 from hovercontrol.core.boundary import checked
-from hovercontrol.effects.base import Coefficient, Effect, Shape
+from hovercontrol.effects.base import Effect
+from hovercontrol.effects.coefficient import Coefficient, Shape
 from hovercontrol.errors import InputError, did_you_mean
 
 __all__ = ["Coefficient", "Effect", "Shape", "effect", "effect_class", "effect_names"]

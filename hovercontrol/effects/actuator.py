@@ -10,7 +10,8 @@ from typing import Any
 import sympy as sp
 
 from hovercontrol.core.signals import Signal
-from hovercontrol.effects.base import TINY, Effect, Shape
+from hovercontrol.effects.base import Effect
+from hovercontrol.effects.coefficient import TINY, Shape
 
 #: Time constant of these states [s]: small against what a log of some 100 Hz shows.
 TAU = 0.001

@@ -6,7 +6,8 @@ from typing import Any
 
 import sympy as sp
 
-from hovercontrol.effects.base import TINY, Coefficient, Effect, Shape
+from hovercontrol.effects.base import Effect
+from hovercontrol.effects.coefficient import TINY, Coefficient, Shape
 from hovercontrol.effects.coupling import AddedMassCoriolis
 from hovercontrol.effects.drag import Drag
 from hovercontrol.effects.environment import Slope

@@ -12,7 +12,8 @@ import sympy as sp
 
 from hovercontrol.core.signals import Signal
 from hovercontrol.effects.actuator import clipped
-from hovercontrol.effects.base import TINY, Coefficient, Effect, Shape
+from hovercontrol.effects.base import Effect
+from hovercontrol.effects.coefficient import TINY, Coefficient, Shape
 
 
 class _Delay(Effect):

@@ -6,7 +6,8 @@ from typing import Any
 
 import sympy as sp
 
-from hovercontrol.effects.base import Coefficient, Effect
+from hovercontrol.effects.base import Effect
+from hovercontrol.effects.coefficient import Coefficient
 
 
 class SwayYawCoupling(Effect):

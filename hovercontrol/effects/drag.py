@@ -11,7 +11,8 @@ from typing import Any, ClassVar
 import sympy as sp
 
 from hovercontrol.core.sgn import sgn
-from hovercontrol.effects.base import TINY, Coefficient, Effect, Shape
+from hovercontrol.effects.base import Effect
+from hovercontrol.effects.coefficient import TINY, Coefficient, Shape
 
 FOSSEN = "Fossen, Handbook of Marine Craft, 2nd ed., 6.4"
 ARMSTRONG = "Armstrong-Helouvry et al., Automatica 30 (1994)"

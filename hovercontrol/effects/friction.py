@@ -8,7 +8,8 @@ from typing import Any, ClassVar
 import sympy as sp
 
 from hovercontrol.core.signals import Signal
-from hovercontrol.effects.base import TINY, Coefficient, Effect, Shape
+from hovercontrol.effects.base import Effect
+from hovercontrol.effects.coefficient import TINY, Coefficient, Shape
 from hovercontrol.effects.drag import AXES, _Coulomb, _Stribeck, per_second
 
 Search = tuple[float, ...]

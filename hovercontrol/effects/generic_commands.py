@@ -8,7 +8,8 @@ import sympy as sp
 
 from hovercontrol.core.signals import Signal
 from hovercontrol.effects.actuator import TAU, clipped, limited_rate, play
-from hovercontrol.effects.base import TINY, Effect, Shape
+from hovercontrol.effects.base import Effect
+from hovercontrol.effects.coefficient import TINY, Shape
 from hovercontrol.effects.generic_classes import make_class, remembered, word
 
 

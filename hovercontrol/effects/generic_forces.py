@@ -7,7 +7,8 @@ from typing import Any
 import sympy as sp
 
 from hovercontrol.core.sgn import sgn
-from hovercontrol.effects.base import TINY, Coefficient, Effect, Shape
+from hovercontrol.effects.base import Effect
+from hovercontrol.effects.coefficient import TINY, Coefficient, Shape
 from hovercontrol.effects.drag import LAWS, Axis, Drag, per_second
 from hovercontrol.effects.friction import SOURCE, LuGre
 from hovercontrol.effects.generic_classes import make_class, remembered, word

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from hovercontrol.effects.base import Coefficient, Effect
+from hovercontrol.effects.base import Effect
+from hovercontrol.effects.coefficient import Coefficient
 from hovercontrol.effects.generic_classes import make_class, remembered, word
 
 

@@ -7,7 +7,8 @@ from typing import Any
 
 import sympy as sp
 
-from hovercontrol.effects.base import Coefficient, Effect, Shape
+from hovercontrol.effects.base import Effect
+from hovercontrol.effects.coefficient import Coefficient, Shape
 
 
 # [K06 eq 2.6]

@@ -58,7 +58,7 @@ def test_a_new_file_in_the_folder_is_all_it_takes(tmp_path):
     package = tmp_path / "hovercontrol"
     shutil.copytree(Path(hovercontrol.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__"))
     (package / "effects" / "tether.py").write_text(
-        "from hovercontrol.effects.base import Coefficient, Effect\n\n\n"
+        "from hovercontrol.effects import Coefficient, Effect\n\n\n"
         "class Tether(Effect):\n"
         '    """A rope pulls the craft back to the origin of x."""\n\n'
         '    name, source = "tether", "a test"\n'

@@ -260,7 +260,7 @@ def test_a_missing_effect_and_a_misspelt_coefficient_are_answered_with_the_neare
 
 
 def test_the_units_of_an_effect_are_checked_against_the_equation_it_acts_in():
-    from hovercontrol.effects.base import Coefficient, Effect
+    from hovercontrol.effects import Coefficient, Effect
 
     class Wrong(Effect):  # no name: it stays out of the list of known effects
         value = Coefficient("m/s")
