@@ -1,9 +1,9 @@
 /* Co-Simulation: the FMU's own solver integrates from one communication point to the next. */
 #include "hc_instance_internal.h"
 
-#define AHEAD 100.0              /* communication steps that the solver may be ahead: forces at rest are sampled */
-#define MAX_STEPS 10000000L      /* of the solver in one communication step, some seconds */
-#define LOOKS 50                 /* short steps that tell which state is the hardest to integrate */
+#define AHEAD 100.0              /* communication steps that a solver step may span: forces at rest are sampled */
+#define MAX_STEPS 10000000L      /* solver steps in one communication step; takes seconds */
+#define LOOKS 50                 /* Euler steps to find the state that is hardest to integrate */
 
 static int check_step(hc_instance *c, double time, double length)
 {
@@ -19,8 +19,8 @@ static int check_step(hc_instance *c, double time, double length)
     return HC_DONE;
 }
 
-/* The state whose derivative is not finite where the solver stands, or changes most in some short steps of Euler's
- * method from there, against its tolerance. */
+/* Index of a state whose derivative is not finite at the solver's time. If there is none, the state that changes
+ * most, relative to its tolerance, in LOOKS short Euler steps. */
 static int hardest_state(hc_solver *s)
 {
     const double h = s->h > 0.0 ? 10.0 * s->h : 1e-6;
@@ -67,7 +67,7 @@ static int fail_step(hc_instance *c, int status)
                    c->value[0], reason, hc_description.names[i], c->x[i]);
 }
 
-/* The solver is past the event that ended its last step, or at the switch that did. */
+/* Go past the event that ended the solver's last step. */
 static void pass_event(hc_instance *c)
 {
     const hc_solver *s = c->solver;
@@ -79,7 +79,7 @@ static void pass_event(hc_instance *c)
 }
 
 #if HC_DELAYS
-/* Let arrive what is due; the solver goes on with it. */
+/* Apply delayed inputs that are due and pass them to the solver. */
 static int pass_arrivals(hc_instance *c)
 {
     if (!hc_delays_arrive(c->delays, c->solver->t))
@@ -88,7 +88,7 @@ static int pass_arrivals(hc_instance *c)
     return hc_solver_set(c->solver, c->solver->t, NULL, c->in, NULL);
 }
 
-/* `stop`, or when something arrives before; the end of the step where that is there. */
+/* `stop`, or the arrival time of the next delayed input if that is earlier. */
 static double stop_at_arrival(const hc_instance *c, double stop, double end)
 {
     const double next = hc_delays_next(c->delays);
@@ -109,7 +109,7 @@ int hc_do_step(hc_instance *c, double time, double length, int *event, int *earl
         return HC_ERROR;
     c->earliest = -DBL_MAX;
     c->latest = DBL_MAX;
-    if (!(c->changed && c->changed_before)) { /* values stay for a while: the solver need not stop at the end */
+    if (!(c->changed && c->changed_before)) { /* inputs are constant: the solver may pass the end of the step */
         stop = end + AHEAD * length < c->stop_time ? end + AHEAD * length : c->stop_time;
         stop = stop > end ? stop : end;
     }
@@ -130,7 +130,7 @@ int hc_do_step(hc_instance *c, double time, double length, int *event, int *earl
             *event = c->event_mode_used && (c->early_return_allowed || s->t == end);
             if (*event) {
                 *early = s->t < end;
-                if (s->t >= s->next_switch) /* which is not passed before the discrete states are updated */
+                if (s->t >= s->next_switch) /* do not pass a switch before the discrete states are updated */
                     c->latest = s->t - hc_room(s->t);
                 c->valid = 0;
                 return HC_DONE;
@@ -142,14 +142,14 @@ int hc_do_step(hc_instance *c, double time, double length, int *event, int *earl
             return fail_step(c, HC_TOO_MANY_STEPS);
         const long events = s->counts[HC_EVENTS];
         if (hc_ticks_due(&s->ticks, end) && !hc_ticks_before(&s->ticks, end))
-            stop = end; /* ticks of that time see inputs that are set then */
+            stop = end; /* ticks at the end must use inputs that are set there */
 #if HC_DELAYS
         status = hc_solver_step(s, stop_at_arrival(c, stop, end));
 #else
         status = hc_solver_step(s, stop);
 #endif
         c->event = s->counts[HC_EVENTS] != events || s->t >= s->next_switch;
-        if (status != HC_OK && s->t > end) { /* what failed may never come: begin the next step anew */
+        if (status != HC_OK && s->t > end) { /* the failure lies past the end: restart there at the next step */
             c->value[0] = end;
             c->valid = 0;
             hc_read_states(c);

@@ -1,4 +1,4 @@
-/* Inputs that act late: for each a queue of what was sent, with the times at which it arrives. */
+/* Delayed inputs: a queue of values with arrival times for each. */
 #define HC_DELAYS 1
 #include "hc_delays.h"
 
@@ -8,8 +8,8 @@
 #include "hc_numbers.h"
 
 typedef struct {
-    double delay, sent;      /* what was sent last */
-    double *message;         /* pairs of time and value, of which `n` from `first` on are under way */
+    double delay, sent;      /* value set last */
+    double *message;         /* pairs of time and value; `n` from `first` on are pending */
     size_t first, n, room;
 } late_type;
 
@@ -26,7 +26,7 @@ hc_delays *hc_delays_new(int n_inputs)
     if (!d)
         return NULL;
     d->n_inputs = n_inputs;
-    d->in = calloc((size_t)n_inputs + n, sizeof *d->in); /* behind `in`: delays, before they are known to be right */
+    d->in = calloc((size_t)n_inputs + n, sizeof *d->in); /* n more: delays to be validated */
     if (!d->in) {
         free(d);
         return NULL;
@@ -76,7 +76,7 @@ int hc_delays_rest(hc_delays *d, const double *u, const double *start, const dou
     return wrong;
 }
 
-/* Have room for n messages; returns 0 if there is no memory. */
+/* Reserve room for n messages; 0 if there is no memory. */
 static int reserve(late_type *late, size_t n)
 {
     double *more;
@@ -177,7 +177,7 @@ void hc_delays_mask(const hc_delays *d, double *inputs)
             inputs[hc_late.input[k]] = 0.0;
 }
 
-/* ---- all that is known, as doubles: the count, `in`, and for each late input a head and its messages ---- */
+/* ---- saved state, as doubles: the count, `in`, and a header and the messages of each delayed input ---- */
 
 enum { N_HEAD = 3 };
 

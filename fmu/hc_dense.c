@@ -1,4 +1,4 @@
-/* Inside a step: theta = 0 at its start, 1 at its end.
+/* Dense output within a step: theta = 0 at its start, 1 at its end.
  *
  * Hermite's cubic; for Dormand-Prince with Shampine's quartic term, of order 4: Hairer, Norsett, Wanner, "Solving
  * Ordinary Differential Equations I", 2nd ed., II.6.
@@ -49,7 +49,7 @@ const int *hc_solver_inside(hc_solver *s, double t, double *x)
         memcpy(x, s->x, (size_t)(s->n + s->n_held) * sizeof *x);
         return s->mode;
     }
-    if (!s->has_dense && s->f_open) { /* as it was before the ticks at the end of the step */
+    if (!s->has_dense && s->f_open) { /* value before the ticks at the end of the step */
         memcpy(s->stage, s->x, (size_t)s->n * sizeof *x);
         hc_ticks_hold(s->model, s->stage, s->x0);
         hc_right_hand_side(s, s->t, s->stage, s->f);

@@ -1,4 +1,4 @@
-/* What the exporter says of a model beside its equations; every FMU defines `hc_description`.
+/* Description of a model by the exporter, besides its equations; every FMU defines `hc_description`.
  *
  * Order of `names`: states, inputs, parameters, outputs. Order of `start`, `lower`, `upper`,
  * `room`, `saturates`: states, inputs, parameters.

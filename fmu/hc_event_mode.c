@@ -1,11 +1,11 @@
-/* Event Mode: velocities that stick or slip, switches by the clock, ticks, inputs that arrive. */
+/* Event Mode: stick and slip, switches at given times, ticks, delayed inputs. */
 #include "hc_instance_internal.h"
 
 #include <string.h>
 
 #include "hc_friction.h"
 
-#define AT_SWITCH 1e-12          /* relative: an event this little before a switch is at it */
+#define AT_SWITCH 1e-12          /* relative; an event closer to a switch than this counts as at it */
 
 void hc_log_modes(const hc_instance *c, const int *before, const int *after)
 {
@@ -16,7 +16,7 @@ void hc_log_modes(const hc_instance *c, const int *before, const int *after)
                         hc_description.names[c->model->friction_state[k]], words[after[k] + 1], c->value[0]);
 }
 
-/* Find the next switch by the clock; until then the model is asked for times on this side of it. */
+/* Find the next switch at a given time; until it is passed, the model is evaluated only before it. */
 static void look_for_switch(hc_instance *c)
 {
     const double t = c->value[0];
@@ -36,7 +36,7 @@ static void look_for_switch(hc_instance *c)
         c->latest = next - hc_room(next);
 }
 
-/* A velocity at or past zero is tried at zero: it sticks, or slips again to either side. */
+/* Set velocities at or past zero to zero and find their modes: stick, or slip in either direction. */
 static int update_modes(hc_instance *c, int *states_changed)
 {
     const hc_model_type *m = c->model;
@@ -56,14 +56,14 @@ static int update_modes(hc_instance *c, int *states_changed)
     for (int k = 0; k < m->n_friction; k++) {
         double *v = c->x + m->friction_state[k];
         if (before[k] != 0 && c->mode[k] == -before[k])
-            *v = c->z[k]; /* it goes on to the other side, from where it is */
+            *v = c->z[k]; /* it slips through zero: keep its value */
         *states_changed |= *v != c->z[k];
     }
     hc_log_modes(c, before, c->mode);
     return HC_DONE;
 }
 
-/* Take the ticks that are due, or those of this time again, with what was set since. */
+/* Execute due ticks, or repeat those of this time with the values set since. */
 static int update_ticks(hc_instance *c)
 {
     const hc_model_type *m = c->model;
@@ -81,8 +81,8 @@ static int update_ticks(hc_instance *c)
 int hc_update_discrete_states(hc_instance *c, int *states_changed, double *next)
 {
     int status = HC_DONE;
-    /* Importers begin their integration afresh where states have changed. What derivatives depend on has: at ticks,
-     * switches by the clock and steps of inputs. */
+    /* Importers restart their integration if states have changed. They must also do so at ticks, switches and input
+     * steps, where derivatives jump. */
     const int jumps = c->changed || hc_ticks_due(&c->ticks, c->value[0]) || c->value[0] >= c->latest;
     *states_changed = c->kind == HC_MODEL_EXCHANGE && jumps;
     look_for_switch(c);
@@ -115,7 +115,7 @@ int hc_leave_event_mode(hc_instance *c, unsigned state)
 {
     if (!c->updated)
         return hc_fail(c, "the discrete states must be updated first");
-    if (c->kind == HC_MODEL_EXCHANGE && c->changed) { /* set after that */
+    if (c->kind == HC_MODEL_EXCHANGE && c->changed) { /* inputs set in this Event Mode */
         look_for_switch(c);
         if (c->model->n_ticks > 0 && update_ticks(c) != HC_DONE)
             return HC_ERROR;

@@ -1,15 +1,15 @@
-/* Events of dry friction within a step: a velocity that comes to zero, a velocity that breaks away.
+/* Events of dry friction within a step: a velocity reaches zero, or breaks away from it.
  *
  * Root finding: Oliveira and Takahashi (2021), ACM TOMS 47(1).
  */
 #include "hc_friction.h"
 #include "hc_solver_internal.h"
 
-#define NO_EVENT 2.0       /* later than the end of a step, theta = 1 */
-#define SMOOTH (-1.0)      /* a velocity changed its sign, but its friction is zero: nothing happens */
-#define ROOT_WIDTH 1e-13   /* of a step */
-#define AT_ONCE 1e-6       /* of a step: a slip that ends this soon has not begun */
-#define MAX_AT_ONE_TIME 50 /* events without progress, and 10 more for each friction */
+#define NO_EVENT 2.0       /* any theta after the end of the step, 1 */
+#define SMOOTH (-1.0)      /* a velocity changed sign while its friction is zero: no event */
+#define ROOT_WIDTH 1e-13   /* fraction of a step */
+#define AT_ONCE 1e-6       /* fraction of a step; a shorter slip is ignored */
+#define MAX_AT_ONE_TIME 50 /* events without progress in time; 10 more for each friction */
 
 static void friction(hc_solver *s, double t, const double *x, double *a, double *b)
 {
@@ -23,7 +23,7 @@ static double interpolate_one(const hc_solver *s, int i, double theta)
     return c[0][i] + theta * (c[1][i] + rest * (c[2][i] + theta * (c[3][i] + rest * c[4][i])));
 }
 
-/* Rises through zero where friction k has its event. */
+/* Event function of friction k: it rises through zero at the event. */
 static double event_value(hc_solver *s, int k, double theta)
 {
     if (s->mode[k] != 0)
@@ -33,7 +33,7 @@ static double event_value(hc_solver *s, int k, double theta)
     return hc_friction_excess(s->a[k], s->b[k]);
 }
 
-/* The first theta past the event between low (before it) and high (past it): ITP, then the upper end. */
+/* Bracket the event between low (before) and high (after) by ITP; return the upper end. */
 static double locate(hc_solver *s, int k, double low, double high)
 {
     const double clock = 4.0 * DBL_EPSILON * fabs(s->t0) / s->length;
@@ -62,7 +62,7 @@ static double locate(hc_solver *s, int k, double low, double high)
     return high;
 }
 
-/* A theta at which slipping velocity k is past zero, or NO_EVENT: at the end, or at its smallest in between. */
+/* A theta at which slipping velocity k has passed zero, or NO_EVENT. Checked at the end and at the extremum inside. */
 static double past_zero(hc_solver *s, int k)
 {
     const int i = s->model->friction_state[k], sign = s->mode[k];
@@ -84,7 +84,7 @@ static double past_zero(hc_solver *s, int k)
     return sign * interpolate_one(s, i, low) < 0.0 ? low : NO_EVENT;
 }
 
-/* Where slipping velocity k comes to zero, given a theta past that. */
+/* Theta at which slipping velocity k reaches zero, given a later theta. */
 static double end_of_slip(hc_solver *s, int k, double past)
 {
     double low = 0.0;
@@ -96,19 +96,19 @@ static double end_of_slip(hc_solver *s, int k, double past)
     }
     if (!s->has_dense)
         hc_make_dense(s);
-    if (s->x0[s->model->friction_state[k]] == 0.0) { /* it started in this step: find it on its way */
+    if (s->x0[s->model->friction_state[k]] == 0.0) { /* it started from rest in this step */
         for (low = 0.5 * past; event_value(s, k, low) >= 0.0; low *= 0.5)
             if (low < AT_ONCE)
-                return low; /* it never got away */
+                return low; /* it did not leave zero */
     }
     return locate(s, k, low, past);
 }
 
-/* Where each sticking velocity breaks away, into theta. Returns 0 if the force varies too fast within the step to
- * be seen: the states at rest say nothing of it to the error control. */
+/* Write into theta where each sticking velocity breaks away. Returns 0 if the force varies too fast within the step to
+ * be sampled; error control cannot see it, as states at rest have no error. */
 static int breakaways(hc_solver *s)
 {
-    const int m = s->n_friction, last = HC_SAMPLES - 1, every = s->cubic ? 2 : 1; /* a short step needs fewer */
+    const int m = s->n_friction, last = HC_SAMPLES - 1, every = s->cubic ? 2 : 1; /* fewer samples for a short step */
     int resolved = 1, any = 0;
     if (!s->has_dense)
         hc_make_dense(s);
@@ -133,7 +133,7 @@ static int breakaways(hc_solver *s)
         if (fabs(bend) > 0.02 * fabs(b[4 * m]))
             resolved = 0;
     }
-    for (int k = 0; k < m; k++) /* the samples are used up: locate overwrites them */
+    for (int k = 0; k < m; k++) /* locate overwrites the samples */
         if (s->mode[k] == 0 && s->theta[k] != NO_EVENT)
             s->theta[k] = locate(s, k, s->theta[k] - (double)every / last, s->theta[k]);
     return resolved || any;

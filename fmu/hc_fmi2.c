@@ -1,6 +1,6 @@
 /* FMI 2.0 in terms of hc_instance.h: which call is allowed in which state (FMI 2.0.5, tables of sections 3.2.3 and
- * 4.2.4), and the types of the standard. Two things are wider than the tables: inputs may be set, to their start
- * values, before Initialization Mode, and time in Event Mode, as FMI 2.0.0 had it.
+ * 4.2.4), and the types of the standard. Two rules are wider than the tables: start values of
+ * inputs may be set before Initialization Mode, and time may be set in Event Mode, as in FMI 2.0.0.
  */
 #include "hc_fmi2.h"
 
@@ -24,7 +24,7 @@
     if (hc_no_null(c, pointer, #pointer, 1))                                                                          \
     return fmi2Error
 
-/* ---- life ---- */
+/* ---- instances and modes ---- */
 
 static void emit(const hc_log_type *log, int status, const char *category, const char *message)
 {
@@ -32,7 +32,7 @@ static void emit(const hc_log_type *log, int status, const char *category, const
     size_t n = 0;
     for (; *message && n + 2 < sizeof text; message++) {
         text[n++] = *message;
-        if (*message == '#' || *message == '%') /* the signs of a value reference and of a format */
+        if (*message == '#' || *message == '%') /* start of a value reference or a format */
             text[n++] = *message;
     }
     text[n] = '\0';
@@ -128,7 +128,7 @@ fmi2Status FMI2(GetInteger)(HC_REFERENCES, fmi2Integer values[])
     return (fmi2Status)hc_get_modes(c, vr, n, values);
 }
 
-/* No integers to set, and no variables of the other types. */
+/* Integers cannot be set; variables of the other types do not exist. */
 #define NO_VARIABLE(function, type, values_type, allowed)                                                             \
     fmi2Status FMI2(function)(HC_REFERENCES, values_type values[])                                                    \
     {                                                                                                                 \
@@ -142,7 +142,7 @@ NO_VARIABLE(SetBoolean, "Boolean", const fmi2Boolean, DISCRETE)
 NO_VARIABLE(GetString, "String", fmi2String, COMPUTED)
 NO_VARIABLE(SetString, "String", const fmi2String, DISCRETE)
 
-/* ---- the whole state ---- */
+/* ---- saved state ---- */
 
 fmi2Status FMI2(GetFMUstate)(HC_ARGUMENTS, fmi2FMUstate *state)
 {
@@ -303,7 +303,7 @@ fmi2Status FMI2(CancelStep)(HC_ARGUMENTS)
     return fmi2Error;
 }
 
-/* What can be told of the last step without asynchronous steps and without discarded ones. */
+/* Status of the last step; asynchronous and discarded steps do not occur. */
 fmi2Status FMI2(GetRealStatus)(HC_ARGUMENTS, const fmi2StatusKind kind, fmi2Real *value)
 {
     ENTER_CS(GetRealStatus, HC_STEP | HC_TERMINATED);

@@ -1,5 +1,5 @@
 /* The functions of FMI 2.0 (fmi-standard.org, 2.0.5) that an FMU exports: types, then prototypes. The types are left
- * out where the standard's own header was included before. With FMI2_FUNCTION_PREFIX defined every function's name
+ * out if the standard's own header was included before. With FMI2_FUNCTION_PREFIX defined every function's name
  * begins with it.
  */
 #ifndef HC_FMI2_H

@@ -1,11 +1,11 @@
 /* FMI 3.0 in terms of hc_instance.h: which call is allowed in which state (FMI 3.0.2, sections 2.3, 3.2 and 4.2), and
- * the types of the standard. Here the life of an instance, and time; hc_fmi3_values.c has the values.
+ * the types of the standard. This file has instances, modes and time; hc_fmi3_values.c has values.
  */
 #include "hc_fmi3_calls.h"
 
 #include <float.h>
 
-/* ---- life ---- */
+/* ---- instances and modes ---- */
 
 static void emit(const hc_log_type *log, int status, const char *category, const char *message)
 {
@@ -13,7 +13,7 @@ static void emit(const hc_log_type *log, int status, const char *category, const
     size_t n = 0;
     for (; *message && n + 2 < sizeof text; message++) {
         text[n++] = *message;
-        if (*message == '#') /* the sign of a value reference */
+        if (*message == '#') /* start of a value reference */
             text[n++] = '#';
     }
     text[n] = '\0';
@@ -148,7 +148,7 @@ fmi3Status FMI3(ExitConfigurationMode)(HC_ARGUMENTS)
 fmi3Status FMI3(EvaluateDiscreteStates)(HC_ARGUMENTS)
 {
     ENTER(EvaluateDiscreteStates, HC_EVENT);
-    return fmi3OK; /* there are none to evaluate before they are updated */
+    return fmi3OK; /* nothing to evaluate before the update */
 }
 
 fmi3Status FMI3(UpdateDiscreteStates)(HC_ARGUMENTS, fmi3Boolean *need_update, fmi3Boolean *terminate,

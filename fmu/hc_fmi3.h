@@ -1,5 +1,5 @@
 /* The functions of FMI 3.0 (fmi-standard.org, 3.0.2) that an FMU exports: types, then prototypes. The types are left
- * out where the standard's own header was included before. With FMI3_FUNCTION_PREFIX defined every function's name
+ * out if the standard's own header was included before. With FMI3_FUNCTION_PREFIX defined every function's name
  * begins with it.
  */
 #ifndef HC_FMI3_H

@@ -1,4 +1,4 @@
-/* Private to the runtime: how every function of FMI 3.0 begins. */
+/* Private to the runtime: the checks at the start of every function of FMI 3.0. */
 #ifndef HC_FMI3_CALLS_H
 #define HC_FMI3_CALLS_H
 

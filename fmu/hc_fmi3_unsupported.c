@@ -1,4 +1,4 @@
-/* What FMI 3.0 has and these FMUs have not: clocks, Scheduled Execution, dependencies of elements. */
+/* Functions of FMI 3.0 that these FMUs do not support: clocks, Scheduled Execution, dependencies of elements. */
 #include "hc_fmi3_calls.h"
 
 #define NO_CLOCKS(function)                                                                                           \

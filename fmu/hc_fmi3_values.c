@@ -1,4 +1,4 @@
-/* FMI 3.0 in terms of hc_instance.h: values, the whole state, partial derivatives. */
+/* FMI 3.0 in terms of hc_instance.h: values, saved state, partial derivatives. */
 #include "hc_fmi3_calls.h"
 
 /* ---- values ---- */
@@ -28,7 +28,7 @@ fmi3Status FMI3(GetInt32)(HC_REFERENCES, fmi3Int32 values[], size_t n_values)
     return wrong_count(c, n, n_values) ? fmi3Error : (fmi3Status)hc_get_modes(c, vr, n, values);
 }
 
-/* The types of which there are no variables, or (Int32) none to set. */
+/* Types without variables, and Int32, whose variables cannot be set. */
 #define NO_GET(name, type)                                                                                            \
     fmi3Status FMI3(Get##name)(HC_REFERENCES, type values[], size_t n_values)                                         \
     {                                                                                                                 \
@@ -76,7 +76,7 @@ fmi3Status FMI3(SetBinary)(HC_REFERENCES, const size_t sizes[], const fmi3Binary
     return (fmi3Status)hc_no_variable(c, "Binary", vr, n);
 }
 
-/* ---- the whole state ---- */
+/* ---- saved state ---- */
 
 fmi3Status FMI3(GetFMUState)(HC_ARGUMENTS, fmi3FMUState *state)
 {

@@ -1,10 +1,10 @@
-/* States that follow from signals that are given: stepped by the exponential of their own slope (Rosenbrock), exact
- * where they are linear in themselves and stable however fast they are.
+/* States driven by given signals, such as lags of commands: exponential Rosenbrock steps, exact for states that are
+ * linear in themselves, and stable for any time constant.
  */
 #ifndef HC_FOLLOW_H
 #define HC_FOLLOW_H
 
-/* Rates of the followers, and behind these the slope of each by itself. */
+/* Derivatives of the followers, then the partial derivative of each by itself. */
 typedef void (*hc_follow_rates)(double t, const double *state, const double *input, const double *param, const int *mode,
                                 double *dx);
 

@@ -6,7 +6,7 @@
 
 #include "hc_solver.h"
 
-#define BREAKAWAY 1e-12    /* |a| exceeds |b| by this part before a velocity slips: it then starts the right way */
+#define BREAKAWAY 1e-12    /* relative excess of |a| over |b| at breakaway: fixes the direction of slip */
 
 double hc_friction_excess(double a, double b)
 {

@@ -4,7 +4,7 @@
 
 #include "hc_model.h"
 
-/* How far the force a is beyond what sticking can hold: positive where a velocity at rest breaks away. */
+/* |a| - |b|, the force beyond what sticking can hold: positive if a velocity at rest breaks away. */
 double hc_friction_excess(double a, double b);
 
 /* Modes of all velocities that are exactly zero, one change at a time, until they agree with the forces; the modes of

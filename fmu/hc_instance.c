@@ -1,4 +1,4 @@
-/* The life of an instance: made, initialized, reset, freed; and what inputs it passes on. See hc_instance.h. */
+/* An instance is created, initialized, reset and freed; its inputs are passed on. See hc_instance.h. */
 #include "hc_instance_internal.h"
 
 #include <stdlib.h>
@@ -157,14 +157,14 @@ int hc_set_experiment(hc_instance *c, int has_tolerance, double tolerance, doubl
     return HC_DONE;
 }
 
-/* ---- inputs, and what the solver is told ---- */
+/* ---- inputs, and what is passed to the solver ---- */
 
 int hc_fail_ticks(hc_instance *c)
 {
     return hc_fail(c, "what ticks at time %.17g set is not finite", c->value[0]);
 }
 
-/* Hand the solver what was set; ticks of this time are taken, or taken again. */
+/* Pass the values that were set to the solver; execute the ticks of this time, or repeat them. */
 int hc_tell_solver(hc_instance *c)
 {
     hc_solver *s = c->solver;
@@ -179,7 +179,7 @@ int hc_tell_solver(hc_instance *c)
 }
 
 #if HC_DELAYS
-/* Before initialization ends late inputs are at rest; what they have then is sent. */
+/* Until initialization ends, delayed inputs have their start values; the values set then are sent. */
 static int begin_delays(hc_instance *c)
 {
     const double *start = hc_description.start + c->model->n_states;
@@ -190,7 +190,7 @@ static int begin_delays(hc_instance *c)
     return hc_delays_send(c->delays, c->value[0], c->u) ? HC_DONE : hc_fail(c, "no memory");
 }
 
-/* What says how late inputs act is fixed. */
+/* Delays are fixed after initialization. */
 int hc_refuse_late(hc_instance *c, int kind, unsigned vr, double value)
 {
     char text[200];
@@ -201,8 +201,8 @@ int hc_refuse_late(hc_instance *c, int kind, unsigned vr, double value)
 }
 #endif
 
-/* What the model sees of the inputs that were set. In Continuous-Time Mode an importer may try times out of order: late
- * inputs, which are discrete, wait for the next event. */
+/* Compute the model's inputs from those that were set. In Continuous-Time Mode an importer may evaluate times out of
+ * order, so delayed inputs, which are discrete, change at events only. */
 int hc_take_inputs(hc_instance *c)
 {
 #if HC_DELAYS

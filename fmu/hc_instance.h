@@ -1,12 +1,12 @@
-/* Private to the runtime: one instance of an FMU, whichever the version of FMI. hc_fmi2.c and hc_fmi3.c give it the
+/* Private to the runtime: one instance of an FMU, for both versions of FMI. hc_fmi2.c and hc_fmi3.c wrap it with the
  * names and types of their standard.
  *
  * Value references, with n states, m inputs, q parameters, l outputs, k dry frictions:
- *     0 time, n states, n derivatives, m inputs, q parameters, l outputs, k event indicators: real numbers;
- *     then k friction modes: whole numbers.
+ *     0 time, n states, n derivatives, m inputs, q parameters, l outputs, k event indicators: reals;
+ *     then k friction modes: integers.
  * `value` holds the real numbers in this order.
  *
- * Functions that return int return a status; on HC_ERROR and HC_DISCARD the importer's logger got a message. After
+ * Functions that return int return a status; on HC_ERROR and HC_DISCARD a message was logged. After
  * HC_ERROR the instance is in the state HC_FAILED: it can be read, reset, restored and freed.
  */
 #ifndef HC_INSTANCE_H
@@ -33,12 +33,12 @@ enum {
     HC_FAILED = 64
 };
 
-/* Sets of them: what a call is allowed in. */
+/* Sets of states in which calls are allowed. */
 enum {
     INITIALIZED = HC_EVENT | HC_CONTINUOUS_TIME | HC_STEP,
     ENDED = HC_TERMINATED | HC_FAILED,
     ANY = HC_INSTANTIATED | HC_INITIALIZATION | INITIALIZED | ENDED,
-    COMPUTED = HC_INITIALIZATION | INITIALIZED | ENDED, /* where equations are active */
+    COMPUTED = HC_INITIALIZATION | INITIALIZED | ENDED, /* equations are active */
     SETTABLE = HC_INSTANTIATED | HC_INITIALIZATION | INITIALIZED,
     DISCRETE = HC_INSTANTIATED | HC_INITIALIZATION | HC_EVENT | HC_STEP
 };
@@ -48,7 +48,7 @@ typedef struct hc_log_type {
     int version; /* of FMI */
     const char *instance;
     void *environment;
-    void (*callback)(void); /* of the type that `emit` knows; NULL: nothing is logged */
+    void (*callback)(void); /* of the type that `emit` expects; NULL: nothing is logged */
     void (*emit)(const struct hc_log_type *log, int status, const char *category, const char *message);
     unsigned categories;
 } hc_log_type;
@@ -57,46 +57,46 @@ typedef struct {
     hc_log_type log;
     int kind, event_mode_used, early_return_allowed;
     unsigned state;       /* one bit */
-    const char *function; /* the call in hand, for messages */
+    const char *function; /* the current call, for messages */
     char *name;
 
     const hc_model_type *model;
-    double *value, *x, *dx, *u, *p, *y, *z; /* `value` as above, and where its parts begin */
-    double *in;            /* the inputs as the model sees them: u, where none acts late */
-    hc_delays *delays;     /* of those that do; NULL: none */
+    double *value, *x, *dx, *u, *p, *y, *z; /* `value` as above, and the start of its parts */
+    double *in;            /* inputs of the model; u if none is delayed */
+    hc_delays *delays;     /* NULL: no delayed inputs */
     int *mode, *mode_before;
     unsigned first[9]; /* value reference at which each kind of variable begins, and the end */
-    unsigned valid;    /* which parts of `value` agree with time, states, inputs, parameters and modes */
+    unsigned valid;    /* parts of `value` that are up to date */
     double *a, *b, *partial, *seed, *product; /* work space */
 
-    double earliest, latest, next_switch; /* the model is asked only for times in between, both included */
+    double earliest, latest, next_switch; /* the model is evaluated only from earliest to latest */
     double start_time, stop_time;         /* DBL_MAX: none */
     double rtol;
     int updated; /* discrete states were updated in this Event Mode */
 
     hc_ticks ticks;    /* Model Exchange only: the solver has its own */
     hc_solver *solver; /* Co-Simulation only */
-    int changed;       /* values were set since the solver got them */
-    int changed_before; /* likewise at the last step */
+    int changed;       /* values were set and not yet passed to the solver */
+    int changed_before; /* the same at the last step */
     int event;         /* the solver's last step ended at an event */
     double *initial;   /* the state of a new instance */
-    char *told;        /* 1: that a value is outside its bounds was logged; states, inputs, parameters */
+    char *told;        /* 1: a value out of bounds was logged; states, inputs, parameters */
 } hc_instance;
 
-/* States that move between ticks; those that are held come after them. */
+/* Number of continuous states; held states follow them. */
 static inline size_t hc_n_continuous(const hc_instance *c)
 {
     return (size_t)(c->model->n_states - c->model->n_held);
 }
 
-/* ---- life ---- */
+/* ---- instances and modes ---- */
 
 /* NULL, with a message, on a wrong token, an empty name, or no memory. */
 hc_instance *hc_instance_new(const hc_log_type *log, const char *function, int kind, const char *name,
                                const char *token);
 void hc_instance_free(hc_instance *c);
 
-/* Every function begins with this: 0, with a message, where the call is not allowed now. */
+/* Called first by every function: 0, with a message, if the call is not allowed in the current state. */
 int hc_refuse_state(hc_instance *c, unsigned allowed);
 int hc_refuse_kind(hc_instance *c, int kind);
 static inline int hc_enter(hc_instance *c, const char *function, unsigned allowed)
@@ -119,9 +119,9 @@ static inline int hc_enter_kind(hc_instance *c, const char *function, unsigned a
 int hc_fail(hc_instance *c, const char *format, ...) HC_FORMAT(2, 3);
 int hc_discard(hc_instance *c, const char *format, ...) HC_FORMAT(2, 3);
 int hc_not_supported(hc_instance *c, const char *what);
-/* Refuse a NULL where there are values to read or to write. */
+/* Error if a pointer to values is NULL. */
 int hc_no_null(hc_instance *c, const void *pointer, const char *name, size_t n);
-/* `only`: the categories given are the only ones from now on (FMI 2); otherwise the others stay as they are (FMI 3). */
+/* `only`: only the given categories are logged from now on (FMI 2); otherwise the others are unchanged (FMI 3). */
 int hc_set_logging(hc_instance *c, int on, int only, size_t n, const char *const categories[]);
 
 int hc_set_experiment(hc_instance *c, int has_tolerance, double tolerance, double start, int has_stop, double stop);
@@ -133,11 +133,12 @@ int hc_reset(hc_instance *c);
 int hc_get_reals(hc_instance *c, const unsigned *vr, size_t n, double *value);
 int hc_get_modes(hc_instance *c, const unsigned *vr, size_t n, int *value);
 int hc_set_reals(hc_instance *c, const unsigned *vr, size_t n, const double *value);
-/* For the types of which there is no variable, and to set modes: an error unless n is 0. */
+/* For types without variables, and to set modes: an error unless n is 0. */
 int hc_no_variable(hc_instance *c, const char *type, const unsigned *vr, size_t n);
 
 /* Products with the matrix of partial derivatives of derivatives and outputs by states, inputs and parameters:
- * sensitivity = J seed, or (adjoint) J' seed. `n_seed`, `n_sensitivity` are as long as knowns and unknowns tell. */
+ * sensitivity = J seed, or (adjoint) J' seed. `n_seed` and `n_sensitivity` must equal the
+ * numbers of knowns and unknowns. */
 int hc_partial_derivatives(hc_instance *c, int adjoint, const unsigned *unknown, size_t n_unknown,
                            const unsigned *known, size_t n_known, const double *seed, double *sensitivity);
 
@@ -158,10 +159,10 @@ int hc_leave_event_mode(hc_instance *c, unsigned state);
 
 /* ---- Co-Simulation ---- */
 
-/* On return the instance's time is the one that was reached. */
+/* On return the instance's time is the time reached. */
 int hc_do_step(hc_instance *c, double time, double length, int *event, int *early);
 
-/* ---- the whole state ---- */
+/* ---- saved state ---- */
 
 int hc_state_get(hc_instance *c, void **state);
 int hc_state_set(hc_instance *c, const void *state);

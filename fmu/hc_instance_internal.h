@@ -1,4 +1,4 @@
-/* Private to the runtime: what the files of an instance share. */
+/* Private to the runtime: shared declarations of the files of an instance. */
 #ifndef HC_INSTANCE_INTERNAL_H
 #define HC_INSTANCE_INTERNAL_H
 
@@ -32,11 +32,11 @@ static inline unsigned hc_place_of(const hc_instance *c, int kind, unsigned vr)
     return vr - 1u - (kind == STATE ? 0u : (unsigned)c->model->n_states);
 }
 
-/* As a person would call it, for messages. */
+/* Name of a kind of variable, for messages. */
 const char *hc_called(const hc_instance *c, unsigned vr, char text[200]);
 int hc_fail_at(hc_instance *c, unsigned vr, const char *what);
 
-/* Time as the model may see it. */
+/* Time, kept between the last and the next switch. */
 static inline double hc_instance_time(const hc_instance *c)
 {
     const double t = c->value[0];
@@ -47,23 +47,23 @@ static inline double hc_instance_time(const hc_instance *c)
 int hc_find_modes(hc_instance *c);
 /* In Co-Simulation the states and modes are read inside the solver's last step, when they are needed. */
 void hc_read_states(hc_instance *c);
-/* Compute the values of a kind, if they are not known. */
+/* Compute the values of a kind unless they are valid. */
 void hc_evaluate(hc_instance *c, int kind);
-/* HC_DISCARD where value i from `first` on is no number: an integrator can try a shorter step. */
+/* HC_DISCARD if a value from `first` on is not finite: an integrator can try a shorter step. */
 int hc_check_finite(hc_instance *c, unsigned vr);
-/* Forget what depends on what was set. */
+/* Invalidate values that depend on what was set. */
 void hc_invalidate(hc_instance *c);
 
 /* ---- hc_instance.c ---- */
 
 int hc_fail_ticks(hc_instance *c);
-/* Hand the solver what was set; ticks of this time are taken, or taken again. */
+/* Pass the values that were set to the solver; execute the ticks of this time, or repeat them. */
 int hc_tell_solver(hc_instance *c);
-/* What the model sees of the inputs that were set. In Continuous-Time Mode an importer may try times out of order: late
- * inputs, which are discrete, wait for the next event. */
+/* Compute the model's inputs from those that were set. In Continuous-Time Mode an importer may evaluate times out of
+ * order, so delayed inputs, which are discrete, change at events only. */
 int hc_take_inputs(hc_instance *c);
 #if HC_DELAYS
-/* What says how late inputs act is fixed. */
+/* Delays are fixed after initialization. */
 int hc_refuse_late(hc_instance *c, int kind, unsigned vr, double value);
 #endif
 
@@ -78,7 +78,7 @@ static inline int hc_is_at_rest(const hc_instance *c, int k)
 
 /* ---- hc_saved_state.c ---- */
 
-/* Copy all that the instance knows to the buffer, or from it; what is under way comes last. */
+/* Copy the whole state to the buffer, or from it; pending delayed inputs come last. */
 void hc_transfer(hc_instance *c, double *buffer, int load);
 size_t hc_count_state(const hc_instance *c);
 

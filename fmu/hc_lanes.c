@@ -1,12 +1,12 @@
-/* Classical Runge-Kutta for HC_LANES runs at once. A lane takes a step only if nothing happens in it. Where a friction
- * has an event, a row of results is reached, an input jumps or a number is not finite, the run's own solver takes
- * that step again, and it takes all steps while a velocity sticks: so there is one solver, and this file is speed.
+/* Classical Runge-Kutta for HC_LANES runs at once. A lane takes only steps without events. If a friction has an event,
+ * a row of results is reached, an input jumps or a value is not finite, the run's own solver repeats that step. It
+ * also takes all steps while a velocity sticks. All special cases are thus in one solver; this file only adds speed.
  */
 #include "hc_runs.h"
 
 #include <stdlib.h>
 
-typedef double pack[HC_LANES]; /* one number of each lane */
+typedef double pack[HC_LANES]; /* one value per lane */
 
 struct hc_lanes {
     const hc_model_type *model;
@@ -14,8 +14,8 @@ struct hc_lanes {
     double step;
     double *block;
     pack *x, *f, *x1, *f1, *k2, *k3, *k4, *stage, *u, *p, *mode;
-    pack t, h, event, earliest, latest; /* event: when the run's own solver is wanted: a row of the grid, a switch */
-    int rides[HC_LANES];                /* whether the lane holds its run; if not its own solver does, and h is 0 */
+    pack t, h, event, earliest, latest; /* event: next time at which the run's own solver is needed */
+    int rides[HC_LANES];                /* 1: the lane steps its run; 0: the run's own solver does, and h is 0 */
 };
 
 static pack *take(double **block, int n)
@@ -61,7 +61,7 @@ void hc_lanes_free(hc_lanes *s)
     free(s);
 }
 
-/* ---- on and off ---- */
+/* ---- runs enter and leave lanes ---- */
 
 static void put(pack *into, int l, const double *from, int n)
 {
@@ -85,7 +85,7 @@ static void load(hc_lanes *s, int l, const hc_run *run)
     s->event[l] = row < own->next_switch ? row : own->next_switch;
 }
 
-/* Let a run ride in its lane, if it can. */
+/* Move a run into its lane if it can be stepped there. */
 static void get_on(hc_lanes *s, int l, hc_run *run)
 {
     hc_solver *own = run->solver;
@@ -105,7 +105,7 @@ static void get_on(hc_lanes *s, int l, hc_run *run)
     s->rides[l] = 1;
 }
 
-/* Give the run back to its own solver, as it was before the step that the lanes have just tried. */
+/* Return a run to its own solver, in the state before the step that was just tried. */
 static void get_off(hc_lanes *s, int l, hc_run *run)
 {
     hc_solver *own = run->solver;
@@ -123,7 +123,7 @@ static void get_off(hc_lanes *s, int l, hc_run *run)
 
 /* ---- a step ---- */
 
-/* At t + part * h, as the model may see it; see hc_model_time. */
+/* t + part * h, kept before the next switch; see hc_model_time. */
 static void slope(void *system, double part, double *x, double *dx)
 {
     const hc_lanes *s = system;
@@ -143,7 +143,7 @@ static void try_step(hc_lanes *s)
     slope(s, 1.0, s->x1[0], s->f1[0]);
 }
 
-/* Find where the step to x1, f1 is one for the run's own solver. */
+/* Mark the lanes whose step to x1, f1 must be repeated by the run's own solver. */
 static void look(const hc_lanes *s, double *special)
 {
     pack zero = {0.0};
@@ -181,7 +181,7 @@ static void step_all(hc_lanes *s, hc_run *runs, int count)
 void hc_lanes_run(hc_lanes *s, hc_run *runs, int count)
 {
     int going = 1;
-    for (int l = 0; l < HC_LANES; l++) { /* lanes without a run stand still where the first begins */
+    for (int l = 0; l < HC_LANES; l++) { /* lanes without a run hold the initial state of the first */
         const int own = l < count ? l : 0;
         if (hc_run_goes_on(&runs[own]))
             load(s, l, &runs[own]);

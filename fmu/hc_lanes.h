@@ -1,5 +1,4 @@
-/* Runs of a sweep side by side: a right-hand side computed for HC_LANES points at once, each in a lane of its own, so
- * that the compiler can use the processor's vectors.
+/* Runs of a sweep side by side: a right-hand side for HC_LANES points at once, one per vector lane.
  */
 #ifndef HC_LANES_H
 #define HC_LANES_H
@@ -17,8 +16,8 @@ enum { HC_LANES = 8 };
 typedef void (*hc_lanes_function)(const double *t, const double *x, const double *u, const double *p, const double *mode,
                                   double *dx);
 
-/* Of a generated lanes.c; NULL where vectors gain nothing. Its sines and the like are those of glibc's libmvec, right
- * to 4 units in the last place; all else is computed as for a single point. */
+/* Defined by a generated lanes.c; NULL if vectors are no faster. Sines and other functions are those of glibc's
+ * libmvec, with errors up to 4 units in the last place; all else is computed as for a single point. */
 extern const hc_lanes_function hc_model_lanes;
 
 typedef struct hc_lanes hc_lanes;
@@ -28,7 +27,7 @@ struct hc_run;
 hc_lanes *hc_lanes_new(const hc_model_type *model, hc_lanes_function derivatives, double step);
 void hc_lanes_free(hc_lanes *lanes);
 
-/* Take `count` <= HC_LANES runs that have begun to their ends. */
+/* Integrate `count` <= HC_LANES started runs to their ends. */
 void hc_lanes_run(hc_lanes *lanes, struct hc_run *runs, int count);
 
 #endif

@@ -6,8 +6,8 @@
 #if __GLIBC_PREREQ(2, 35)
 #define HC_LANES_PAY
 
-/* The assembler's name leads to libm's function and to its forms for vectors; another name in C keeps gcc from making
- * one call of a sine and a cosine, which has no such form. */
+/* The assembler name selects libm's function and its vector variants. The different C name keeps gcc from merging a
+ * sine and a cosine into one call, which has no vector variant. */
 #define HC_VECTOR(name, arguments) \
     extern double hc_##name arguments __asm__(#name) __attribute__((simd("notinbranch"), const, nothrow));
 HC_VECTOR(sin, (double))

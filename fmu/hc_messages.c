@@ -1,4 +1,4 @@
-/* What an instance says to the importer's logger, and how it refuses a call. */
+/* Messages to the importer's logger, and checks of each call. */
 #include "hc_instance_internal.h"
 
 #include <stdarg.h>

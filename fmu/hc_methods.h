@@ -1,4 +1,4 @@
-/* Private to the runtime: the methods of the solver, and how they are chosen from. */
+/* Private to the runtime: the methods of the solver, and the step control that uses them. */
 #ifndef HC_METHODS_H
 #define HC_METHODS_H
 
@@ -10,13 +10,13 @@ double hc_step_dormand_prince(hc_solver *s, double h);
 /* Order 3, with the next step's first derivative in f. Returns the same. */
 double hc_step_bogacki_shampine(hc_solver *s, double h);
 
-/* Order 4, over s->length. Leaves f to whoever needs it. */
+/* Order 4, over s->length. Does not compute f. */
 void hc_step_rk4(hc_solver *s);
 
-/* The length of a solver's first step. */
+/* Size of the first step. */
 double hc_first_length(hc_solver *s);
 
-/* Take a step of suitable length to x, f, never past `stop`, with the method of the solver: a status. */
+/* Take a step of suitable size to x, f, at most to `stop`, with the solver's method. Returns a status. */
 int hc_choose_and_step(hc_solver *s, double stop);
 
 /* mean square, in four sums side by side */

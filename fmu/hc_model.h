@@ -1,4 +1,4 @@
-/* What a generated model gives to the runtime. One Block is one model; every model file defines `hc_model`.
+/* Interface of a generated model. One Block is one model; every model file defines `hc_model`.
  *
  * Arrays: x states, u inputs, p parameters, y outputs, in the Block's order; mode one entry per dry friction.
  * A dry friction k acts on the velocity x[friction_state[k]] through s in [-1, 1], the value of its sgn:

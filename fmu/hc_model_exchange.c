@@ -62,7 +62,7 @@ int hc_completed_step(hc_instance *c, int *enter_event_mode)
 {
     *enter_event_mode = 0;
     for (int k = 0; k < c->model->n_friction; k++)
-        if (c->mode[k] == 0 && !hc_is_at_rest(c, k)) /* the importer moved what sticks */
+        if (c->mode[k] == 0 && !hc_is_at_rest(c, k)) /* the importer changed a sticking velocity */
             *enter_event_mode = 1;
 #if HC_DELAYS
     if (hc_delays_send_prompt(c->delays, c->u))

@@ -1,5 +1,5 @@
-/* Every name of the runtime that the linker sees. With HC_PREFIX defined each begins with it, so that several FMUs can be
- * linked into one program.
+/* All external names of the runtime. If HC_PREFIX is defined each begins with it, so that several FMUs can be linked
+ * into one program.
  */
 #ifndef HC_NAMES_H
 #define HC_NAMES_H

@@ -1,4 +1,4 @@
-/* Private to the runtime: what a number is, and how near two times are one. */
+/* Private to the runtime: finite numbers, and equality of times. */
 #ifndef HC_NUMBERS_H
 #define HC_NUMBERS_H
 
@@ -10,7 +10,7 @@ static inline int hc_is_finite(double value)
     return fabs(value) <= DBL_MAX;
 }
 
-/* Times that are nearer to each other than this are one: grids of times are computed with rounding. */
+/* Times closer than this are equal: grids of times have rounding errors. */
 static inline double hc_room(double t)
 {
     return 8.0 * DBL_EPSILON * fabs(t);

@@ -1,11 +1,11 @@
-/* What this runtime has. The exporter puts another file in place of this one: with the FMU's own HC_PREFIX, and with
- * HC_DELAYS where inputs act late.
+/* Build options of the runtime. The exporter replaces this file by one with the FMU's own HC_PREFIX, and with
+ * HC_DELAYS if inputs are delayed.
  */
 #ifndef HC_OPTIONS_H
 #define HC_OPTIONS_H
 
 #ifndef HC_DELAYS
-#define HC_DELAYS 0 /* inputs that act late */
+#define HC_DELAYS 0 /* 1: with delayed inputs */
 #endif
 
 #include "hc_names.h"

@@ -3,7 +3,7 @@
 
 #include <string.h>
 
-/* Column of a known, row of an unknown; a state among the unknowns stands for the output that shows it. */
+/* Column of a known, row of an unknown; a state among the unknowns is the output equal to it. */
 static int column_of(const hc_instance *c, unsigned vr)
 {
     const int kind = hc_kind_of(c, vr);
@@ -65,7 +65,7 @@ int hc_partial_derivatives(hc_instance *c, int adjoint, const unsigned *unknown,
         for (size_t i = 0; i < n_known; i++)
             c->seed[column_of(c, known[i])] += seed[i];
 #if HC_DELAYS
-        hc_delays_mask(c->delays, c->seed + m->n_states); /* what is set now acts later */
+        hc_delays_mask(c->delays, c->seed + m->n_states); /* a delayed input has no effect now */
 #endif
         for (int i = 0; i < m->n_partials; i++)
             c->product[m->partial_row[i]] += c->partial[i] * c->seed[m->partial_column[i]];

@@ -6,12 +6,12 @@
 #define HC_RK4_H
 
 #if defined __GNUC__
-#define HC_INLINE static inline __attribute__((always_inline)) /* so that `width` is a constant where the loops are */
+#define HC_INLINE static inline __attribute__((always_inline)) /* `width` is then a constant in the loops */
 #else
 #define HC_INLINE static inline
 #endif
 
-#ifdef HC_SIMD /* said together with -fopenmp-simd */
+#ifdef HC_SIMD /* defined together with -fopenmp-simd */
 #define HC_SIDE_BY_SIDE(width) _Pragma("omp simd") for (int l = 0; l < (width); l++)
 #else
 #define HC_SIDE_BY_SIDE(width) for (int l = 0; l < (width); l++)

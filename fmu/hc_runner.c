@@ -22,7 +22,7 @@ hc_runner *hc_runner_new(const hc_model_type *model, const hc_options *options, 
         hc_runner_free(runner);
         return NULL;
     }
-    runner->solver->short_steps = 1; /* a caller's steps are often much shorter than the error asks for */
+    runner->solver->short_steps = 1; /* a caller's steps are often much shorter than error control requires */
     return runner;
 }
 
@@ -54,7 +54,7 @@ int hc_runner_step(hc_runner *runner, double until, const double *u)
     const size_t size = (size_t)s->model->n_inputs * sizeof *u;
     int status = HC_OK;
     if (size > 0 && memcmp(u, s->u, size) != 0) {
-        memcpy(runner->u, u, size); /* which may come at any address */
+        memcpy(runner->u, u, size); /* u may be unaligned */
         for (int i = 0; i < s->model->n_inputs; i++)
             if (!hc_is_finite(runner->u[i]))
                 return HC_INPUT_NOT_FINITE;

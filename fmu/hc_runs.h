@@ -17,11 +17,11 @@ typedef struct hc_run {
     const hc_part *part;      /* or NULL */
     double *states, *outputs; /* rows of results, or NULL */
     double *x;                /* work space, n_states */
-    long row, stop;           /* the next row to write, and the next at which a step must end */
+    long row, stop;           /* next row to write, and next row at which a step must end */
     int status;
 } hc_run;
 
-/* Begin a run: its solver, grid, part and places for results are set, x0 and p are given. */
+/* Start a run whose solver, grid, part and result arrays are set, from x0 with p. */
 void hc_run_begin(hc_run *run, const double *x0, const double *p);
 
 /* Take one step and write the rows that it reached. */
@@ -32,7 +32,7 @@ static inline int hc_run_goes_on(const hc_run *run)
     return run->status == HC_OK && run->row < run->grid->n_times;
 }
 
-/* Write the last states, and NaN into the rows that were not reached. */
+/* Write the final states, and NaN into rows that were not reached. */
 void hc_run_end(hc_run *run, double *x_end);
 
 #endif

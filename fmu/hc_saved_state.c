@@ -1,4 +1,4 @@
-/* The whole state of an instance: saved, restored, and as bytes. */
+/* Save and restore the whole state of an instance, also as bytes. */
 #include "hc_instance_internal.h"
 
 #include <stdint.h>
@@ -10,7 +10,7 @@ typedef struct {
     double value[];
 } state_type;
 
-#define FORMAT 1 /* of the bytes below; the head is five numbers of 8 bytes */
+#define FORMAT 1 /* version of the byte format; the header is five 8-byte numbers */
 #define HEAD 40u
 
 static void copy(double *own, int n, double **buffer, int load)
@@ -21,7 +21,7 @@ static void copy(double *own, int n, double **buffer, int load)
 
 enum { N_NUMBERS = 8, N_WHOLE = 8 };
 
-/* Copy all that the instance knows to the buffer, or from it; what is under way comes last. */
+/* Copy the whole state to the buffer, or from it; pending delayed inputs come last. */
 void hc_transfer(hc_instance *c, double *buffer, int load)
 {
     const hc_model_type *m = c->model;
@@ -65,7 +65,7 @@ void hc_transfer(hc_instance *c, double *buffer, int load)
 #endif
 }
 
-/* Without what is under way. */
+/* Length without pending delayed inputs. */
 static size_t count_fixed(const hc_instance *c)
 {
     const hc_model_type *m = c->model;
@@ -83,7 +83,7 @@ size_t hc_count_state(const hc_instance *c)
 #endif
 }
 
-/* Whether a state can be one of this instance; then there is room for it, too. */
+/* Return whether a state fits this instance; if so, room for it is reserved. */
 static int fits(hc_instance *c, const state_type *state)
 {
 #if HC_DELAYS
@@ -97,7 +97,7 @@ static int fits(hc_instance *c, const state_type *state)
     return state->value[0] == c->kind;
 }
 
-/* Memory for `count` numbers at *state, which may have some already; NULL, with a message, if there is none. */
+/* Allocate `count` numbers at *state, or reuse its memory; NULL, with a message, if there is none. */
 static state_type *room_for(hc_instance *c, void **state, size_t count)
 {
     state_type *made = *state;
@@ -134,7 +134,7 @@ int hc_state_get(hc_instance *c, void **state)
     return HC_DONE;
 }
 
-/* An error where the state is missing or of an instance of the other kind. */
+/* Error if the state is missing, or belongs to an instance of the other kind. */
 static int check_state(hc_instance *c, const state_type *state)
 {
     if (hc_no_null(c, state, "FMUState", 1))

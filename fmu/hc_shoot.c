@@ -1,24 +1,24 @@
-/* See hc_shoot.h. HC_LANES windows go side by side. */
+/* See hc_shoot.h. HC_LANES windows are integrated at once. */
 #include "hc_shoot.h"
 
 #include <stdlib.h>
 #include <string.h>
 
-typedef double pack[HC_LANES]; /* one number of each lane */
+typedef double pack[HC_LANES]; /* one value per lane */
 
 typedef struct {
     const hc_shoot *shoot;
     hc_lanes_function derivatives;
     const hc_slopes *slopes;
-    int size; /* numbers that are followed: states, then their slopes by state and column */
+    int size; /* integrated values: states, then their slopes by state and column */
     pack *value; /* partial derivatives */
     pack *x, *end, *k1, *k2, *k3, *k4, *stage, *u, *p;
     pack t, h; /* begin and length of a piece */
-    long window[HC_LANES]; /* of each lane; the last is repeated where windows run out */
+    long window[HC_LANES]; /* window of each lane; the last is repeated if there are fewer windows than lanes */
 } hc_shooter;
 
-/* What the slopes `of` states change by, from partial derivatives; all slopes of a state lie side by side. One that is
- * not finite, as that of a speed at rest, counts as zero. */
+/* Derivatives of the slopes `of` states, from partial derivatives; all slopes of a state are contiguous. A partial
+ * derivative that is not finite, such as that of a speed at rest, counts as zero. */
 static void vary(const hc_shooter *s, const pack *of, pack *change)
 {
     const hc_shoot *d = s->shoot;
@@ -66,7 +66,7 @@ static void slope(void *system, double part, double *x, double *dx)
             dx[s->shoot->known[i] * HC_LANES + l] = 0.0;
 }
 
-/* One number of each lane out of an array (signals, S, K-1, W). */
+/* One value per lane from an array (signals, S, K-1, W). */
 static void arrive(const hc_shooter *s, const double *from, int signal, long piece, long row, double *into)
 {
     const hc_shoot *d = s->shoot;
@@ -79,7 +79,7 @@ static void one_piece(hc_shooter *s, long piece, long row)
 {
     const hc_shoot *d = s->shoot;
     pack *begin = s->x;
-    pack h; /* a copy that nobody can change from afar stays in registers */
+    pack h; /* a local copy stays in registers */
     arrive(s, d->step, 0, piece, row, h);
     arrive(s, d->time, 0, piece, row, s->t);
     memcpy(s->h, h, sizeof h);
@@ -100,7 +100,7 @@ static double *state(const hc_shooter *s, long row, int i)
     return d->states + (row * d->n_states + i) * d->windows;
 }
 
-/* Slopes at the start of a run: each state's own is one. */
+/* Slopes at the start of a run: that of each state by its own initial value is one. */
 static void begin_slopes(hc_shooter *s)
 {
     const hc_shoot *d = s->shoot;

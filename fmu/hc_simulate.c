@@ -1,5 +1,5 @@
-/* Whole simulations and sweeps: see hc_simulate.h. Steps run over the grid's times, which are read inside them; only
- * where an input jumps and at the end does a step stop. */
+/* Whole simulations and sweeps: see hc_simulate.h. Steps may pass the grid's times, where states are interpolated; a
+ * step ends only where an input jumps and at the end. */
 #include "hc_runs.h"
 
 #include <stdlib.h>
@@ -51,7 +51,7 @@ static void write_row(hc_run *run)
     run->row++;
 }
 
-/* Write the rows up to the solver's time, and let inputs jump. */
+/* Write the rows up to the solver's time, and apply input steps. */
 static void arrive(hc_run *run)
 {
     const hc_grid *grid = run->grid;
@@ -166,7 +166,7 @@ int hc_advance(const hc_model_type *model, const hc_options *options, double t, 
 
 /* ---- sweeps ---- */
 
-/* Figures of column `output` of a run's outputs (rows of n), from row `first` on. */
+/* Figures of merit of column `output` of a run's outputs (rows of n), from row `first` on. */
 static void summarise(const hc_grid *grid, long first, const double *column, int n, double band, double *figures)
 {
     const long last = grid->n_times - 1;
@@ -191,7 +191,7 @@ static void summarise(const hc_grid *grid, long first, const double *column, int
     figures[HC_SETTLING] = times[settled];
 }
 
-/* Runs that go side by side: HC_LANES if vectors can take their steps and there are several from row to row. */
+/* Number of runs at once: HC_LANES if lanes can step them and take several steps per row. */
 static int width(hc_lanes_function lanes, const hc_options *options, const hc_grid *grid, long n_runs)
 {
     const double rows = (grid->times[grid->n_times - 1] - grid->times[0]) / (double)grid->n_times;

@@ -1,11 +1,11 @@
-/* Whole simulations and sweeps of them, on one thread; what the shared library of a compiled Block exports. */
+/* Simulations and sweeps on one thread: the exports of the shared library of a compiled Block. */
 #ifndef HC_SIMULATE_H
 #define HC_SIMULATE_H
 
 #include "hc_lanes.h"
 #include "hc_solver.h"
 
-/* Figures of a trajectory's outputs, computed as it goes: per output, in this order. */
+/* Figures of merit of each output, in this order. */
 enum { HC_FINAL = 0, HC_MAX = 1, HC_MIN = 2, HC_RMS = 3, HC_SETTLING = 4, HC_N_FIGURES = 5 };
 
 /* A model that is a part of a larger system, whose other states stay zero: state i is state place[i] of n_all. */
@@ -14,8 +14,8 @@ typedef struct {
     const int *place;
 } hc_part;
 
-/* Change states x of time t to those of time `until`. Ticks at t are taken, those at `until` not: they belong to the
- * call that goes on. Where `until` is t, nothing but the ticks happens. */
+/* Change states x of time t to those of time `until`. Ticks at t are executed, those at `until` are not: the next call
+ * executes them. If `until` equals t, only the ticks are executed. */
 int hc_advance(const hc_model_type *model, const hc_options *options, double t, double until, double *x,
                const double *u, const double *p);
 

@@ -1,4 +1,4 @@
-/* Derivatives and what they change with, computed for HC_LANES points at once. */
+/* Derivatives and their partial derivatives for HC_LANES points at once. */
 #ifndef HC_SLOPES_H
 #define HC_SLOPES_H
 
@@ -12,7 +12,7 @@ typedef struct {
                      double *value);
 } hc_slopes;
 
-/* Of a generated slopes.c; its function is NULL where vectors gain nothing. */
+/* Defined by a generated slopes.c; the function is NULL if vectors are no faster. */
 extern const hc_slopes hc_model_slopes;
 
 #endif

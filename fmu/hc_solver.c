@@ -1,4 +1,4 @@
-/* The solver of hc_solver.h: its life, its steps one after the other, and what they stop at. */
+/* The solver of hc_solver.h: memory, the loop over steps, and the events that end a step. */
 #include "hc_friction.h"
 #include "hc_methods.h"
 
@@ -35,7 +35,7 @@ hc_solver *hc_solver_new(const hc_model_type *model, const hc_options *options)
     s->method = options->method;
     s->longest = options->step > 0 ? options->step : DBL_MAX;
     s->max_steps = options->max_steps;
-    s->absolute = take(&block, n); /* first: hc_solver_free knows the block by it */
+    s->absolute = take(&block, n); /* first: hc_solver_free frees the block by this address */
     s->x = take(&block, n);
     s->f = take(&block, n);
     s->x0 = take(&block, n);
@@ -82,7 +82,7 @@ static void swap(double **one, double **other)
     *other = kept;
 }
 
-/* From a switch to the next the model's conditions on time stay as they are; the bounds leave room for rounding. */
+/* Between two switches the model's conditions on time are constant; the bounds allow for rounding. */
 static void look_for_switch(hc_solver *s)
 {
     double next = DBL_MAX;
@@ -107,7 +107,7 @@ static int find_modes(hc_solver *s)
     return hc_friction_modes(s->model, hc_model_time(s, s->t), s->x, s->u, s->p, s->mode, s->a, s->b);
 }
 
-/* What follows when held states have jumped. */
+/* Update modes and derivatives after held states have changed. */
 static int after_ticks(hc_solver *s)
 {
     s->fresh = 0;
@@ -125,7 +125,7 @@ static int pass_ticks(hc_solver *s)
     return after_ticks(s);
 }
 
-/* Between ticks nothing moves. */
+/* No continuous states: nothing changes between ticks. */
 static int step_over(hc_solver *s, double stop)
 {
     hc_ticks_hold(s->model, s->x0, s->x);
@@ -141,7 +141,7 @@ int hc_solver_step(hc_solver *s, double stop)
     int status;
     if (stop <= s->t)
         return HC_OK;
-    if (s->t >= s->next_switch) { /* start anew beyond it */
+    if (s->t >= s->next_switch) { /* restart after it */
         look_for_switch(s);
         s->fresh = 0;
     }
@@ -183,7 +183,7 @@ int hc_solver_step(hc_solver *s, double stop)
     return status == HC_OK ? pass_ticks(s) : status;
 }
 
-/* ---- what users call ---- */
+/* ---- public functions ---- */
 
 void hc_solver_restart(hc_solver *s)
 {

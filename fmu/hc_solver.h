@@ -1,5 +1,5 @@
 /* Integration of a model with dry friction: adaptive Dormand-Prince 5(4) with dense output and located events, or
- * classical Runge-Kutta in fixed steps. Steps end where the model switches by the clock, and where it ticks. No
+ * classical Runge-Kutta in fixed steps. Steps end at switches at given times, and at ticks. No
  * allocation after hc_solver_new; one solver belongs to one thread.
  */
 #ifndef HC_SOLVER_H
@@ -15,7 +15,7 @@ enum {
     HC_OK = 0,
     HC_NO_MEMORY = 1,
     HC_NOT_FINITE = 2,     /* a derivative is NaN or infinite */
-    HC_STEP_TOO_SMALL = 3, /* the error cannot be met */
+    HC_STEP_TOO_SMALL = 3, /* the tolerance cannot be met */
     HC_TOO_MANY_STEPS = 4
 };
 
@@ -24,7 +24,7 @@ typedef struct {
     double rtol;     /* relative tolerance (Dormand-Prince) */
     double atol;     /* absolute tolerance, times the nominal size of each state where `nominal` is given */
     double step;     /* fixed step (RK4), or longest step (Dormand-Prince; 0: no limit) */
-    long max_steps;  /* between two calls that change time; 0: no limit */
+    long max_steps;  /* in one call; 0: no limit */
     const double *nominal; /* n_states sizes, or NULL for 1 */
 } hc_options;
 
@@ -34,13 +34,13 @@ typedef struct hc_solver hc_solver;
 hc_solver *hc_solver_new(const hc_model_type *model, const hc_options *options);
 void hc_solver_free(hc_solver *solver);
 
-/* Other tolerances from now on, as in hc_options. */
+/* Change the tolerances, as in hc_options. */
 void hc_solver_tolerance(hc_solver *solver, double rtol, double atol, const double *nominal);
 
-/* Set time, states, inputs and parameters (all copied) and find the friction modes that fit: a velocity of exactly
- * zero sticks if it can. Also to be called when inputs or parameters jump: modes are found anew, the step size is
- * kept. A NULL leaves that array as it is. Ticks due at t are taken; where neither t nor x is new those that were taken
- * at t are taken again, with the new inputs. */
+/* Set time, states, inputs and parameters (all copied) and find the friction modes: a velocity of exactly zero sticks
+ * if it can. To be called also when inputs or parameters jump: modes are found again, the step size is kept. NULL
+ * leaves an array unchanged. Ticks due at t are executed; if neither t nor x is new, those executed at t are repeated with the
+ * new inputs. */
 int hc_solver_set(hc_solver *solver, double t, const double *x, const double *u, const double *p);
 
 /* Integrate to time `until`, inputs held. On an error the solver stays at the time it reached. */
@@ -53,7 +53,7 @@ const int *hc_solver_modes(const hc_solver *solver);
 /* right-hand sides evaluated, steps accepted, steps rejected, events located, since hc_solver_new */
 void hc_solver_counts(const hc_solver *solver, long counts[4]);
 
-/* All that a solver knows, as hc_solver_size numbers: a solver of the same model that loads them goes on to the bit. */
+/* The whole state as hc_solver_size numbers; a solver of the same model that loads it continues bit for bit. */
 size_t hc_solver_size(const hc_solver *solver);
 void hc_solver_save(const hc_solver *solver, double *into);
 void hc_solver_load(hc_solver *solver, const double *from);

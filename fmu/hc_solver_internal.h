@@ -1,5 +1,5 @@
-/* Private to the runtime: what the files of the solver share. Between two calls x, f are the states and their
- * derivative now, x0, f0 those at the start of the last step.
+/* Private to the runtime: shared declarations of the solver's files. Between two calls x, f are the current states and
+ * derivatives, x0, f0 those at the start of the last step.
  */
 #ifndef HC_SOLVER_INTERNAL_H
 #define HC_SOLVER_INTERNAL_H
@@ -7,38 +7,38 @@
 #include "hc_steps.h"
 #include "hc_ticks.h"
 
-#define HC_SAMPLES 5 /* points of a step at which sticking is looked at, both ends included */
+#define HC_SAMPLES 5 /* points of a step at which sticking is checked, both ends included */
 
 struct hc_solver {
     const hc_model_type *model;
-    int n, n_held, n_friction, method; /* n: states that move; after them come those that are held */
-    int n_mean;                /* of states that a mean error counts: more than n where others stay zero */
+    int n, n_held, n_friction, method; /* n: continuous states; held states follow them */
+    int n_mean;                /* states in the mean error: more than n if the model is a part of a system */
     double rtol, longest;
     long max_steps, steps;
     double t, *x, *f;          /* now; f is valid if `fresh` */
-    double earliest, latest;   /* the model is asked only for times between two switches, these included */
+    double earliest, latest;   /* the model is evaluated only between two switches, both included */
     double next_switch;
     double t0, *x0, *f0;       /* at the start of the last step */
-    double length;             /* of the last step, whole also where an event cut it short */
+    double length;             /* of the last step, before an event shortened it */
     double h, log_error;       /* length to try next (0: unknown); logarithm of the last squared error */
     double *k[5], *stage;      /* derivatives of the stages after the first, and one stage's states */
     double *dense[5];          /* coefficients of the interpolant, valid if `has_dense` */
     double *absolute, *u, *p;  /* atol * nominal; inputs; parameters */
-    double *a, *b, *theta;     /* frictions, and where in the step each has its event */
+    double *a, *b, *theta;     /* frictions, and the theta of each one's event */
     double t_event;
     int *mode, *mode0, fresh, has_dense, events_here;
-    int f_open;                /* f at the end of the last step was not computed: RK4 does without */
-    int short_steps;           /* steps cut short by much may be of order 3 */
-    int cubic;                 /* the last step was */
+    int f_open;                /* f at the end of the last step is not computed (RK4) */
+    int short_steps;           /* steps that are shortened much may be of order 3 */
+    int cubic;                 /* the last step was of order 3 */
     hc_ticks ticks;
-    int started;               /* states were set */
-    double quiet_from;         /* ticks at this time and after are not taken */
+    int started;               /* hc_solver_set was called */
+    double quiet_from;         /* ticks from this time on are not executed */
     long counts[4];
 };
 
 enum { HC_RIGHT_HAND_SIDES = 0, HC_ACCEPTED = 1, HC_REJECTED = 2, HC_EVENTS = 3 };
 
-/* Time as the model may see it: never past a switch that the step does not cross, by rounding or by its last stage. */
+/* Time for the model: not past a switch that the step does not cross, neither by rounding nor in its last stage. */
 static inline double hc_model_time(const hc_solver *s, double t)
 {
     return t < s->earliest ? s->earliest : t > s->latest ? s->latest : t;
@@ -54,9 +54,9 @@ static inline void hc_right_hand_side(hc_solver *s, double t, const double *x, d
 void hc_make_dense(hc_solver *s);
 void hc_interpolate(const hc_solver *s, double theta, double *x);
 
-/* Fill theta with the friction events within the step; returns 0 if the step is too long to tell. */
+/* Fill theta with the friction events within the step; 0 if the step is too long to find them. */
 int hc_look_for_events(hc_solver *s);
-/* Apply what hc_look_for_events found: cut the step at the first event, and change modes. */
+/* Shorten the step to the first event that hc_look_for_events found, and change modes. */
 int hc_pass_events(hc_solver *s);
 
 #endif

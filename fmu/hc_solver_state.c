@@ -1,9 +1,9 @@
-/* All that a solver knows, as doubles. */
+/* The whole state of a solver as doubles. */
 #include "hc_solver_internal.h"
 
 #include <string.h>
 
-/* Copy n numbers to the buffer, or from it, and go on behind them. */
+/* Copy n numbers to the buffer, or from it, and advance. */
 static void copy(double *own, int n, double **buffer, int load)
 {
     memcpy(load ? own : *buffer, load ? *buffer : own, (size_t)n * sizeof *own);
@@ -12,7 +12,7 @@ static void copy(double *own, int n, double **buffer, int load)
 
 enum { N_NUMBERS = 13, N_ARRAYS = 13, N_WHOLE = 8 };
 
-/* Whole numbers below 2^53 are exact doubles; work space is left out. */
+/* Integers below 2^53 are exact doubles; work space is not saved. */
 static void transfer(hc_solver *s, double *buffer, int load)
 {
     double *const numbers[N_NUMBERS] = {&s->rtol,        &s->longest, &s->t,      &s->earliest, &s->latest,
@@ -62,7 +62,7 @@ size_t hc_solver_size(const hc_solver *s)
 
 void hc_solver_save(const hc_solver *s, double *into)
 {
-    transfer((hc_solver *)s, into, 0); /* which then only reads */
+    transfer((hc_solver *)s, into, 0); /* with these arguments it only reads */
 }
 
 void hc_solver_load(hc_solver *s, const double *from)

@@ -1,12 +1,12 @@
-/* How long a step is: as long as the local error allows, or as long as it was said to be.
+/* Step size: as large as the local error allows, or fixed.
  *
  * Step control: Hairer, Norsett, Wanner, "Solving Ordinary Differential Equations I", 2nd ed., II.4.
  */
 #include "hc_methods.h"
 
-#define SHORT 0.5           /* of the length to try next, where the last error was as small as this: */
+#define SHORT 0.5           /* fraction of the next step size; applies if the last error was below: */
 #define SHORT_BEFORE (-12.0) /* logarithm, squared */
-#define SHORT_ERROR 0.01    /* squared; the error that a short step may have */
+#define SHORT_ERROR 0.01    /* squared; error allowed for a short step */
 
 /* Hairer, Norsett, Wanner, II.4, "Starting step size" */
 double hc_first_length(hc_solver *s)
@@ -38,7 +38,8 @@ double hc_first_length(hc_solver *s)
     return h < s->longest ? h : s->longest;
 }
 
-/* A step to `stop` that is much shorter than the error asks for: half the work will do. Returns 0 if it does not. */
+/* Try a step of order 3, at half the work, if `stop` is much nearer than the error requires. Returns 0 if its error is
+ * too large. */
 static int short_step(hc_solver *s, double stop)
 {
     const double h = stop - s->t0;
@@ -82,7 +83,7 @@ static int adaptive_step(hc_solver *s, double stop)
                 if (factor < 0.2)
                     factor = 0.2;
                 s->log_error = logarithm;
-                if (factor < 1.0 || factor * h > s->h || h >= s->h) /* a step cut short by `stop` shortens no other */
+                if (factor < 1.0 || factor * h > s->h || h >= s->h) /* `stop` does not reduce the next step size */
                     s->h = factor * h;
                 if (s->h > s->longest)
                     s->h = s->longest;

@@ -1,5 +1,5 @@
-/* Ticks of a hybrid model: which are due, and what they set. A tick's times are whole numbers of a fraction of a
- * second, counted exactly in doubles; one that is nearer to a time than rounding is at that time.
+/* Ticks of a hybrid model: which are due, and the states they set. Times of ticks are multiples of a fraction of a
+ * second, counted exactly in doubles; a tick within rounding of a time is at that time.
  */
 #ifndef HC_TICKS_H
 #define HC_TICKS_H
@@ -12,10 +12,10 @@
 typedef struct {
     const hc_model_type *model;
     double next;         /* time of the next tick [s]; DBL_MAX: none */
-    double at;           /* time at which ticks were taken last */
-    int ticked;          /* they can be taken again, see hc_ticks_again */
+    double at;           /* time of the last executed ticks */
+    int ticked;          /* they can be repeated, see hc_ticks_again */
     double *due;         /* n_ticks: when each is due next, in fractions */
-    double *due_before;  /* likewise, and the held states, before the last ticks were taken */
+    double *due_before;  /* `due` and the held states before the last ticks */
     double *before;      /* n_held */
     double *work;        /* n_held */
 } hc_ticks;
@@ -24,20 +24,20 @@ typedef struct {
 size_t hc_ticks_size(const hc_model_type *model);
 void hc_ticks_place(hc_ticks *ticks, const hc_model_type *model, double *numbers);
 
-/* Give an array of all states the held ones of another. */
+/* Copy the held states from one array of all states to another. */
 void hc_ticks_hold(const hc_model_type *model, double *into, const double *from);
 
-/* From time t on, those of t included. */
+/* Start at time t; ticks at t are due. */
 void hc_ticks_start(hc_ticks *ticks, double t);
 
-/* Whether one is due at time t, or was before; whether one comes before t, by more than rounding. */
+/* Whether a tick is due at or before time t; whether one is due before t by more than rounding. */
 int hc_ticks_due(const hc_ticks *ticks, double t);
 int hc_ticks_before(const hc_ticks *ticks, double t);
 
-/* Take the ticks due at time t; x are all states, of which those that are held change. They see t as `next` has it. */
+/* Execute the ticks due at time t, which see the exact time `next`; x has all states, of which the held ones change. */
 void hc_ticks_take(hc_ticks *ticks, double t, double *x, const double *u, const double *p, const int *mode);
 
-/* Take those of the last hc_ticks_take again, at the same time, because inputs or parameters jumped. */
+/* Repeat the ticks of the last hc_ticks_take at the same time, after inputs or parameters have jumped. */
 void hc_ticks_again(hc_ticks *ticks, double t, double *x, const double *u, const double *p, const int *mode);
 
 #endif

@@ -1,4 +1,4 @@
-/* The variables of an instance: what they are, their values, computed when they are asked for, and how they are set. */
+/* The variables of an instance: their kinds, lazy evaluation of their values, and setting them. */
 #include "hc_instance_internal.h"
 
 #include <stdio.h>
@@ -6,9 +6,9 @@
 
 #include "hc_friction.h"
 
-/* ---- what the variables are ---- */
+/* ---- kinds of variables ---- */
 
-/* As a person would call it, for messages. */
+/* Name of a kind of variable, for messages. */
 const char *hc_called(const hc_instance *c, unsigned vr, char text[200])
 {
     static const char *const words[] = {"time",   "state",           "derivative",    "input", "parameter",
@@ -37,7 +37,7 @@ int hc_fail_at(hc_instance *c, unsigned vr, const char *what)
     return hc_fail(c, "%s (value reference %u) %s", hc_called(c, vr, text), vr, what);
 }
 
-/* ---- evaluation: each part of the values is computed when it is asked for ---- */
+/* ---- evaluation: each part of the values is computed on demand ---- */
 
 int hc_find_modes(hc_instance *c)
 {
@@ -62,8 +62,8 @@ void hc_read_states(hc_instance *c)
         hc_find_modes(c);
 }
 
-/* Positive in the mode of each friction, and never zero right after an event. Slipping: the velocity, in its
- * direction; sticking: what the friction can hold beyond the force. */
+/* Event indicators: positive in the mode of each friction, and not zero right after an event. Slipping: the velocity in
+ * its direction; sticking: |b| - |a|, the reserve of the friction. */
 static void evaluate_indicators(hc_instance *c)
 {
     const hc_model_type *m = c->model;
@@ -96,7 +96,7 @@ void hc_evaluate(hc_instance *c, int kind)
     }
 }
 
-/* HC_DISCARD where value i from `first` on is no number: an integrator can try a shorter step. */
+/* HC_DISCARD if a value from `first` on is not finite: an integrator can try a shorter step. */
 int hc_check_finite(hc_instance *c, unsigned vr)
 {
     char text[200];
@@ -169,14 +169,15 @@ static unsigned settable_kinds(const hc_instance *c)
     }
 }
 
-/* The value as it is set: one that is outside its bounds by rounding is the bound. */
+/* The value to be set: the bound if it is outside by rounding only. */
 static double within(unsigned i, double value)
 {
     const double lower = hc_description.lower[i], upper = hc_description.upper[i], room = hc_description.room[i];
     return value < lower && value >= lower - room ? lower : value > upper && value <= upper + room ? upper : value;
 }
 
-/* Of a value outside its bounds: an error, or HC_DONE where it is so by rounding or the equations clip it; told once. */
+/* Check of a value outside its bounds: HC_DONE if it is outside by rounding only or the equations clip it (logged
+ * once), otherwise an error. */
 static int check_bounds(hc_instance *c, unsigned vr, unsigned i, double value)
 {
     char text[200];
@@ -225,7 +226,7 @@ void hc_invalidate(hc_instance *c)
 {
     c->valid &= VALID_STATES | VALID_MODES;
     if (c->state != HC_CONTINUOUS_TIME && !(c->kind == HC_MODEL_EXCHANGE && c->state == HC_EVENT))
-        c->valid &= ~(unsigned)VALID_MODES; /* else modes change only in an event */
+        c->valid &= ~(unsigned)VALID_MODES; /* in other states modes change only at events */
 }
 
 static double value_to_set(const hc_instance *c, unsigned vr, double value)
@@ -246,7 +247,7 @@ int hc_set_reals(hc_instance *c, const unsigned *vr, size_t n, const double *val
         differs |= c->value[vr[i]] != value_to_set(c, vr[i], value[i]);
     if (!differs)
         return HC_DONE;
-    hc_read_states(c); /* with the old values, up to which the solver went */
+    hc_read_states(c); /* first read the states that the solver reached with the old values */
     for (size_t i = 0; i < n; i++)
         c->value[vr[i]] = value_to_set(c, vr[i], value[i]);
     hc_invalidate(c);

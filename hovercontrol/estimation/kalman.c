@@ -1,6 +1,7 @@
-/* The filter and the smoother of kalman.py, block by block; sizes.h says how many states (N) and channels (C) there are.
+/* The filter and the smoother of kalman.py, block by block; sizes.h defines the numbers of states (N) and channels (C).
  *
- * Channels are taken one after the other: what they whiten to is what the Cholesky factor of their covariance makes.
+ * Channels are processed one after the other, which is equivalent to whitening by the Cholesky factor of their
+ * covariance.
  */
 #include <math.h>
 #include <stdlib.h>
@@ -18,7 +19,7 @@ enum { PAD = (N + 3) / 4 * 4 };
 
 typedef double row[PAD];
 
-/* Arrays as System, Filtered and Smoothed have them; `half` to `Z` may be NULL in a filter run. */
+/* Arrays of System, Filtered and Smoothed; `half` to `Z` may be NULL in a filter run. */
 typedef struct {
     long rows, blocks, columns;
     const double *A, *Q, *drive, *H, *R, *seen, *P0;
@@ -185,7 +186,7 @@ static void step_back(const double *A, int width, double *r, row *X)
         }
 }
 
-/* X <- J' X J + back' back, r <- J' r + back' e with J = I - half' back. (Multiplied out it is not stable.) */
+/* X <- J' X J + back' back, r <- J' r + back' e with J = I - half' back. (The expanded form is not stable.) */
 static void take_in(const double *half, const double *back, const double *e, double *r, row *X)
 {
     row J[N];
@@ -208,7 +209,7 @@ static void take_in(const double *half, const double *back, const double *e, dou
         }
 }
 
-/* Smooth blocks from `from` to before `to`, behind a filter run that kept everything. */
+/* Smooth blocks from `from` to before `to`, after a filter run that stored all arrays. */
 EXPORT int kalman_smoother(const kalman *s, long from, long to)
 {
     const long m = s->columns;
