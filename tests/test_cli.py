@@ -113,7 +113,10 @@ SAMPLE = sample_path().read_text().splitlines()
         (lambda rows: [rows[0].replace("psi", "psy"), *rows[1:]], "no column 'psi'; did you mean 'psy'?"),
         (lambda rows: [*rows[:50], rows[49], *rows[50:]], "line 51, column 'time': time repeats"),
         (lambda rows: [*rows[:50], rows[9], *rows[50:]], "line 51, column 'time': time runs backwards"),
-        (lambda rows: [*rows[:50], *rows[1150:]], "1 gap of 22 s, 22 s in all: usual are 0.02 s"),
+        (
+            lambda rows: [*rows[:50], *rows[1150:]],
+            "1 gap of 22 s, 22 s in total; the median interval between rows is 0.02 s",
+        ),
         (lambda rows: [*rows[:50], "0.98,1e30,0,0,0,0", *rows[51:]], "1e+30 in line 51 seems"),
         (lambda rows: [*rows[:50], "0.98,0,abc,0,0,0", *rows[51:]], "line 51, column 'y': expected a number"),
         (lambda rows: rows[:1], "found no rows"),
@@ -141,7 +144,7 @@ def test_a_log_with_gaps_is_accepted_with_one_line(call, tmp_path, option):
     assert done.returncode == 0, done.stderr
     said = [line for line in done.stderr.splitlines() if line.startswith("warning")]
     assert said == [
-        "warning: mine.csv: 2 gaps of 6.02 s at most, bridged by the model: usual are 0.02 s from row to row"
+        "warning: mine.csv: 2 gaps of 6.02 s at most, bridged by the model; the median interval between rows is 0.02 s"
     ]
     assert "free_run_mine.png" in {p.name for p in (tmp_path / "out").iterdir()}
     assert "--allow-gaps" not in call("identify", "--help", cwd=tmp_path).stdout

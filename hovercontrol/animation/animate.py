@@ -58,18 +58,18 @@ def animate(
         :func:`hovercontrol.simulate`, ``compile().simulate``, a scenario, or a log.
     path : path, optional
         A file ``.html`` (one page that needs nothing else, with slider and speeds), ``.mp4`` (needs ffmpeg)
-        or ``.gif``; written atomically. In a notebook the result shows itself without.
+        or ``.gif``; written atomically. Not needed in a notebook, which displays the result.
     speed : float, optional
         Seconds of the run per second of the animation.
     fps : float, optional
-        Frames per second; the page draws more, as the screen does. A GIF takes the nearest that it can have.
+        Frames per second; the HTML page uses the screen's rate, a GIF the nearest possible rate.
     model : Model, optional
-        Of the craft: its fans, and their size of hull. Default: the scenario's, or else a craft with a rudder
-        of 0.45 m x 0.25 m. A hull that would be too small to see is enlarged.
+        Model of the craft, for its fans and the size of the hull. Default: the scenario's, or else a craft
+        with a rudder of 0.45 m x 0.25 m. A hull too small to see is enlarged.
     trail, forces : bool, optional
-        Whether the path behind and the arrows are drawn.
+        Whether the past path and the arrows are drawn.
     progress : callable, optional
-        Called now and then with the part that is written, 0 to 1.
+        Called with the fraction written, 0 to 1.
 
     Returns
     -------
@@ -104,7 +104,7 @@ def animate(
 
 
 def check_format(path: Path) -> str:
-    """Return the suffix of a file for an animation; raise if it cannot be one."""
+    """Return the suffix of a file for an animation; raise if it is not supported."""
     kind = path.suffix.lower()
     if kind not in FORMATS:
         raise InputError(
@@ -119,19 +119,19 @@ def check_format(path: Path) -> str:
 @checked
 @dataclass(frozen=True, eq=False)
 class Animation:
-    """A motion with how it is to be shown; made by :func:`animate`. A notebook shows it as a player.
+    """A motion with its display options, as returned by :func:`animate`. A notebook shows it as a player.
 
     Attributes
     ----------
     motion : Motion
-        The run's.
+        Motion of the run.
     model : Model or None
     speed : float
         Seconds of the run per second of the animation [1].
     fps : float
         Frames per second [1/s].
     trail, forces : bool
-        Whether the path behind and the arrows are drawn.
+        Whether the past path and the arrows are drawn.
 
     Examples
     --------
@@ -159,7 +159,7 @@ class Animation:
         ----------
         path : path
         progress : callable, optional
-            Called now and then with the part that is written, 0 to 1.
+            Called with the fraction written, 0 to 1.
 
         Raises
         ------

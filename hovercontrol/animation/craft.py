@@ -43,7 +43,7 @@ class Arrow:
     place : ndarray, shape (2,)
         Where it acts in the body frame [m].
     force : ndarray, shape (2, n)
-        To the bow and to port, in lengths of the arrow over that of the hull.
+        To the bow and to port, as arrow length over hull length.
     """
 
     place: Array
@@ -59,7 +59,7 @@ class Craft:
     outline : ndarray, shape (k, 2)
         Body frame [m].
     enlarged : float
-        Factor by which the hull is drawn larger than it is.
+        Ratio of the drawn to the actual size of the hull.
     arrows : tuple of Arrow
     """
 
@@ -74,7 +74,7 @@ class Craft:
 
 
 def craft_of(motion: Motion, model: Model | None, *, forces: bool = True) -> Craft:
-    """Return how the craft of a motion is drawn."""
+    """Return the drawing of the craft of a motion."""
     model = model or motion.model
     size = _size(model)
     rows = [(motion.x, motion.y), (motion.reference.get("x"), motion.reference.get("y"))]
@@ -85,7 +85,7 @@ def craft_of(motion: Motion, model: Model | None, *, forces: bool = True) -> Cra
 
 
 def _scaled(arrows: list[Arrow], enlarged: float) -> tuple[Arrow, ...]:
-    """Return arrows for a hull of length 1: a short peak leaves the others long enough to be seen."""
+    """Return arrows for a hull of length 1, scaled by quantiles: a short peak does not shrink the others."""
     sizes = [np.hypot(*a.force) for a in arrows]
     largest = max((float(s.max()) for s in sizes), default=0.0)
     if largest <= 0.0:

@@ -26,18 +26,18 @@ TICK, SHORTEST = 0.01, 2
 
 
 class Frames:
-    """The picture of a motion, set from one instant to the next.
+    """The figure of a motion, updated for each frame.
 
     Parameters
     ----------
     whole : Motion
-        As it was recorded.
+        The recorded motion.
     motion : Motion
         At the times of the frames.
     craft : Craft
         With forces at those times.
     trail : bool
-        Whether the path behind is drawn.
+        Whether the past path is drawn.
     """
 
     def __init__(self, whole: Motion, motion: Motion, craft: Craft, *, trail: bool) -> None:
@@ -98,18 +98,18 @@ def caption(motion: Motion, k: int) -> str:
 
 
 def gif_period(fps: float) -> float:
-    """Return the time from frame to frame [s] that a GIF can have nearest to a frame rate [1/s]."""
+    """Return the frame period [s] of a GIF nearest to a frame rate [1/s]."""
     return TICK * max(SHORTEST, round(1 / (fps * TICK)))
 
 
 def check_ffmpeg(path: Path) -> None:
-    """Raise if Matplotlib finds no ffmpeg for an MP4."""
+    """Raise if ffmpeg is not found."""
     if not FFMpegWriter.isAvailable():
         raise InputError(f"{path}: an MP4 needs the program ffmpeg, which was not found; write .html or .gif")
 
 
 def write_gif(frames: Frames, path: Path, period: float, report: Callable[[float], None]) -> None:
-    """Write all frames as a GIF, `period` seconds apart, that begins again at its end."""
+    """Write all frames as a GIF, `period` seconds apart, that loops."""
     images = _images(frames, report)
     milliseconds = round(1000 * period)
     next(images).save(path, save_all=True, append_images=images, duration=milliseconds, loop=0)

@@ -44,9 +44,9 @@ class Motion:
     goal : bool
         Whether that point is a fixed goal, not a path.
     commands : dict of str to ndarray (n,)
-        Every other signal; it holds from one time to the next.
+        All other signals, held between times.
     model : Model or None
-        Of a scenario.
+        Model of a scenario.
     """
 
     name: str
@@ -61,7 +61,7 @@ class Motion:
     model: Model | None = None
 
     def at(self, times: Array) -> Motion:
-        """Return the motion at other times, shape (m,): poses in between, commands held."""
+        """Return the motion at other times, shape (m,): poses interpolated, commands held."""
 
         def between(values: Array) -> Array:
             return np.interp(times, self.time, values)
@@ -126,7 +126,7 @@ def _columns(run: AnyRun) -> tuple[str, Array, dict[str, Array]]:
 
 
 def _find(name: str, columns: Mapping[str, Array], key: str) -> Array:
-    """Return the signal of a name: the true one, that of the name itself, or the one state of that name."""
+    """Return the signal of a name: the true signal, the signal itself, or the only state with that name."""
     for known in (f"true_{key}", key):
         if known in columns:
             return columns[known]
@@ -144,7 +144,7 @@ def _found(columns: Mapping[str, Array], taken: Mapping[str, Array], key: str) -
 
 
 def _filled(time: Array, row: Array, at: Array, *, held: bool) -> Array:
-    """Return a signal at other times, across rows in which it is NaN."""
+    """Return a signal at other times; rows with NaN are skipped."""
     known = np.isfinite(row)
     if not held:
         return np.interp(at, time[known], row[known])

@@ -33,14 +33,14 @@ def plot_path(
     model: Model | None = None,
     axes: Axes | None = None,
 ) -> Figure:
-    """Draw the path of a craft as a map: the craft with its heading at nine times, and what it followed.
+    """Draw the path of a craft as a map: the craft with its heading at nine times, and its reference.
 
     Parameters
     ----------
     run : control.TimeResponseData, Log, Run or MachineRun
         With ``x``, ``y`` [m] and ``psi`` [rad], as for :func:`hovercontrol.animate`.
     model : Model, optional
-        Of the craft, for its size, as there.
+        Model of the craft, for its size.
     axes : matplotlib.axes.Axes, optional
         To draw into; default: those of a new figure.
 

@@ -32,11 +32,11 @@ def page(motion: Motion, craft: Craft, step: float, speed: float, *, trail: bool
     craft : Craft
         With forces at those times.
     step : float
-        From one time to the next [s].
+        Time step [s].
     speed : float
         Initial speed of the player.
     trail : bool
-        Whether the path behind is drawn.
+        Whether the past path is drawn.
     """
     x, y = (np.concatenate([getattr(motion, k), motion.reference.get(k, [])]) for k in "xy")
     edge = MARGIN * craft.length

@@ -33,7 +33,7 @@ FOLDERS = (_PACKAGE / "analyses", _PACKAGE.parent / "analyses")
 
 @dataclass(frozen=True)
 class _Done:
-    """What was found, the files (names) and their folder, the same as JSON, the exit status."""
+    """Text, files (names) and folder, JSON and exit status of a result."""
 
     text: str
     files: Sequence[Path]
@@ -83,7 +83,7 @@ def analyze(
 
 
 def _titles(document: str) -> dict[str, str]:
-    """Return the titles of analyses and items by what the command calls them."""
+    """Return the titles of analyses and items by their names on the command line."""
     from hovercontrol.documents import all_items
 
     items = all_items(document)
@@ -97,7 +97,7 @@ def _is_of(name: str, document: str) -> bool:
 
 
 def _chosen(names: Sequence[str], document: str) -> tuple[dict[str, Path], list[Item]]:
-    """Return the analyses and items that are asked for.
+    """Return the requested analyses and items.
 
     Raises
     ------
@@ -128,7 +128,7 @@ def _chosen(names: Sequence[str], document: str) -> tuple[dict[str, Path], list[
 
 
 def _whole(name: str, scripts: Mapping[str, Path]) -> str:
-    """Return an analysis' name: ``budget`` is ``k06_budget`` while no other ends so after its document."""
+    """Return the full name of an analysis: ``k06_budget`` for ``budget``, if that is unique."""
     if name in scripts:
         return name
     same = [known for known in scripts if known.partition("_")[2] == name]
@@ -138,7 +138,7 @@ def _whole(name: str, scripts: Mapping[str, Path]) -> str:
 
 
 def _refuse_trial(scripts: Mapping[str, Path], items: Sequence[Item], trial: str) -> None:
-    """Refuse a trial for what has none."""
+    """Raise if a trial is given for an analysis without trials."""
     without = [n for n, path in scripts.items() if "trial" not in inspect.signature(_main(path)).parameters]
     without += [item.name for item in items]
     if without:
@@ -148,7 +148,7 @@ def _refuse_trial(scripts: Mapping[str, Path], items: Sequence[Item], trial: str
 def _works(
     scripts: Mapping[str, Path], items: Sequence[Item], trial: str, out: Path | None
 ) -> list[Callable[[], _Done]]:
-    """Return what is to be done; several analyses write into a folder each."""
+    """Return the runs to do; several analyses write into a folder each."""
     alone = len(scripts) == 1 and not items
     works: list[Callable[[], _Done]] = []
     for name, path in scripts.items():
@@ -190,7 +190,7 @@ def _rebuild(items: Sequence[Item], folder: Path) -> _Done:
 
 
 def _show_json(found: Sequence[_Done]) -> None:
-    """Print one result as it is, several as a list."""
+    """Print one result as an object, several as a list."""
     from hovercontrol.io.plain_json import json_text
 
     results = [{**done.content, "files": [str(done.folder / f.name) for f in done.files]} for done in found]

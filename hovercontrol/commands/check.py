@@ -1,4 +1,4 @@
-"""``hovercontrol check``: what is wrong with logs, and which coefficients they excite, before a fit."""
+"""``hovercontrol check``: faults of logs, and the coefficients that they excite, before a fit."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ def topics_of(logs: list[str], inputs: list[str], model: str | None, vehicle: st
 
 
 def stamps(files: str, log: Log, columns: str) -> dict[str, NDArray[np.float64]]:
-    """Return the time stamps of a log's files [s] as they stand there, within the time of the log."""
+    """Return the time stamps of a log's files [s] as in the file, within the time of the log."""
     from hovercontrol.logs.gather import columns_by_file, split_files
     from hovercontrol.logs.join import measured_rows
     from hovercontrol.logs.read import read_log

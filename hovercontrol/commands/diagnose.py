@@ -109,7 +109,7 @@ def diagnose(
 
 
 def _command() -> str:
-    """Return the command line with file names only: the page tells nothing of the machine."""
+    """Return the command line with file names only: the page does not reveal paths of the machine."""
     words = [word.partition("=") for word in sys.argv[1:]]
     bare = [f"{_name(a)}{sign}{_name(b)}" for a, sign, b in words]
     return shlex.join(["hovercontrol", *bare])

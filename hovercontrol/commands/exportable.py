@@ -1,4 +1,4 @@
-"""What the command line can export, by name: loops of scenarios, parts, plants of craft, a user's Blocks."""
+"""Blocks that can be exported by name: loops of scenarios, parts, plants of craft, a user's Blocks."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ NEAREST = 5
 
 @dataclass(frozen=True)
 class Choice:
-    """A Block to export, what it is in a sentence, and its default experiment [s] where one is known."""
+    """A Block to export, its description, and the stop time of its default experiment [s], if known."""
 
     block: Block
     text: str
@@ -86,7 +86,7 @@ def choose(name: str, params: Path | None = None) -> Choice:
 
 
 def choices() -> list[tuple[str, str]]:
-    """Return what comes with the package, names and texts."""
+    """Return the names and descriptions of the package's Blocks."""
     from hovercontrol.commands.exportable_parts import PARTS
 
     found = []

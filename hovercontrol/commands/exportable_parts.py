@@ -34,9 +34,9 @@ _WAYS = {"uplink": 0.02, "downlink": 0.006, "round_trip": 0.02}
 
 @dataclass(frozen=True)
 class Part:
-    """A function of the package that makes a Block, and what it is given beyond its defaults.
+    """A function of the package that makes a Block, and arguments that differ from its defaults.
 
-    ``text`` is what the function's own first line does not say.
+    ``text`` is added to the first line of the function's docstring.
     """
 
     function: Callable[..., Block]
@@ -50,7 +50,7 @@ class Part:
 
     @property
     def says(self) -> str:
-        """What it is, in one line."""
+        """Description in one line."""
         line = (inspect.getdoc(self.function) or "").partition("\n")[0].rstrip(".").removeprefix("Return ")
         line = re.sub(r":\w+:`~?([^`]*)`", r"\1", line)
         return f"{line}; {self.text}" if self.text else line

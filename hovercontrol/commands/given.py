@@ -96,7 +96,7 @@ Frame = Annotated[
 
 
 def _reserve(context: typer.Context, chosen: bool) -> bool:
-    """Keep standard output for the one JSON value, as soon as it is known that there is to be one."""
+    """Reserve standard output for the JSON value as soon as ``--json`` is read."""
     if chosen and not context.resilient_parsing:  # a shell that completes reads standard output
         output.reserve()
     return chosen
@@ -106,21 +106,21 @@ Json = Annotated[
     bool,
     typer.Option("--json", callback=_reserve, help="Print only the result, as JSON, on standard output."),
 ]
-#: Gaps are always bridged; scripts may still ask for it.
+#: Gaps are always bridged; the option is accepted for scripts.
 AllowGaps = Annotated[bool, typer.Option("--allow-gaps", hidden=True)]
 
 
 def model_of(
     command: str, model: str | None, vehicle: str | None = None, params: Path | None = None
 ) -> Model | BlockModel:
-    """Return the model of a model file, of a Python file of the user's, or a craft of the package's.
+    """Return the model of a model file or of a user's Python file, or a built-in craft.
 
     Parameters
     ----------
     command : str
         For error lines.
     model, vehicle : str, optional
-        As ``--model`` and ``--vehicle`` say; default: the vehicle c17_experiment.
+        Values of ``--model`` and ``--vehicle``; default: the vehicle c17_experiment.
     params : path, optional
         A parameter file, whose values and effects replace the model's.
 
@@ -188,7 +188,7 @@ def _with(model: Any, params: Path | None) -> Any:
 
 
 def show(text: str, files: Sequence[Path], out: Path, result: object = None) -> None:
-    """Print what was found and written: as text, or where there is a `result`, that as JSON alone."""
+    """Print the text and the written files, or only the `result` as JSON."""
     if result is not None:
         from hovercontrol.io.plain_json import json_text, plain
 
@@ -201,7 +201,7 @@ def show(text: str, files: Sequence[Path], out: Path, result: object = None) -> 
 
 
 def show_list(titles: Mapping[str, str], json: bool) -> None:
-    """Print what there is, one line each, or as a JSON object of titles by name."""
+    """Print names and titles, one line each, or as a JSON object."""
     if json:
         from hovercontrol.io.plain_json import json_text
 
@@ -247,7 +247,7 @@ def reader(
     missing: str = "",
     trial: str = "",
 ) -> Callable[[str], Log]:
-    """Return what reads a log of a model as the options of a command say; without one, any columns."""
+    """Return a function that reads logs by the options of a command; without a model all columns are read."""
     from hovercontrol.logs import BenchTable, Condition, gather
     from hovercontrol.logs.frames import in_z_up
 
@@ -277,7 +277,7 @@ def listed(text: str, option: str = "") -> list[str] | None:
     Raises
     ------
     InputError
-        If there is a text, but no part in it: a slip, not the wish for all.
+        If the text has only commas and blanks.
     """
     parts = [part.strip() for part in text.split(",") if part.strip()]
     if text and not parts:
@@ -304,7 +304,7 @@ def numbers(text: str, option: str) -> list[float]:
 
 
 def pairs(text: str) -> dict[str, str]:
-    """Return what ``--columns`` says: our name of a column to the file's."""
+    """Return the mapping of ``--columns``: signal name to the file's column."""
     found: dict[str, str] = {}
     ours = ""
     for part in listed(text, "--columns") or []:
@@ -325,7 +325,7 @@ def pairs(text: str) -> dict[str, str]:
 
 
 def progress_bar(text: str, total: float) -> AbstractContextManager[Report]:
-    """Show the progress of a command; what it needs is imported when work begins, not for ``--help``."""
+    """Show the progress of a command; its modules are imported here, not for ``--help``."""
     from hovercontrol.display import progress
 
     return progress.progress_bar(text, total)

@@ -1,4 +1,4 @@
-"""Names that a shell completes. Each function runs when Tab is pressed and imports only what it needs."""
+"""Names for shell completion. Each function runs when Tab is pressed and imports only what it needs."""
 
 from __future__ import annotations
 
@@ -27,19 +27,19 @@ def scenarios() -> list[str]:
 
 
 def exportable() -> list[str]:
-    """Return the scenarios and the craft, of which FMUs can be made."""
+    """Return the scenarios and craft that can be exported as FMUs."""
     return [*scenarios(), *vehicles()]
 
 
 def effects(incomplete: str) -> Iterator[str]:
-    """Yield the effects, after those that are written already, as in ``slope,wi``."""
+    """Yield the effects, after those already typed, as in ``slope,wi``."""
     from hovercontrol.effects import effect_names
 
     return _listed(incomplete, effect_names())
 
 
 def platforms(incomplete: str) -> Iterator[str]:
-    """Yield the platforms of FMUs, after those that are written already."""
+    """Yield the platforms of FMUs, after those already typed."""
     from hovercontrol.fmi.exporter.binaries import PLATFORMS
 
     return _listed(incomplete, [*PLATFORMS, "all"])

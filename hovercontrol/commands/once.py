@@ -1,4 +1,4 @@
-"""A command whose options are given once each: of two values of an option the last would win silently."""
+"""A command that refuses repeated options: otherwise the last value would be used silently."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from hovercontrol.errors import InputError
 
 
 class OnceCommand(TyperCommand):
-    """A command that refuses an option with a value given twice, unless it says that it may be repeated."""
+    """A command that refuses an option with a value given twice, unless the option is a list."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Parse the words of the command line.
+        """Parse the command line.
 
         Raises
         ------
         InputError
             If an option is given twice.
         """
-        if ctx.resilient_parsing:  # a shell completes: the words are not whole
+        if ctx.resilient_parsing:  # shell completion: the last word is incomplete
             return super().parse_args(ctx, args)
         given = self.make_parser(ctx).parse_args(args=list(args))[2]
         single = [p for p in given if isinstance(p, TyperOption) and not (p.multiple or p.is_flag)]

@@ -109,7 +109,7 @@ def simulate(
 
 
 def _animate(run: Run | MachineRun, file: str, report: Report, end: float) -> None:
-    """Write the animation, if one is asked for; the bar of the run, `end` long, tells its share as text."""
+    """Write the animation if requested; the progress bar of the run, up to `end`, shows its progress."""
     if file:
         from hovercontrol.animation.animate import animate
 
@@ -125,7 +125,7 @@ def _show_written(content: dict[str, Any], files: list[Path], out: Path, animati
 def _drive(
     block: Block, seconds: float | None, log: Log | None, out: Path | None, json: bool, animation: str
 ) -> int:
-    """Drive a machine of the user's own, which has no figures of merit."""
+    """Simulate a user's model, which has no figures of merit."""
     from hovercontrol.scenarios.drive import run_length
     from hovercontrol.scenarios.machine import run_machine
 

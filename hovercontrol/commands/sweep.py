@@ -134,7 +134,7 @@ def sweep(
 
 
 def _partial_folder(out: Path) -> Path:
-    """Return where results are kept until the sweep ends: beside the folder of the results."""
+    """Return the folder for results until the sweep ends, next to the folder of the results."""
     check_folder(out)
     whole = out.resolve()
     if not whole.name:
@@ -144,7 +144,7 @@ def _partial_folder(out: Path) -> Path:
 
 @contextmanager
 def _kept(partial: Path) -> Iterator[None]:
-    """Keep what was done of a sweep while it may still go on, no longer."""
+    """Keep the partial results of a sweep only while it can be resumed."""
     with folder_made(partial.parent):
         own_folder(partial)
         try:

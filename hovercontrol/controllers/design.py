@@ -37,9 +37,9 @@ class Measured:
     Parameters
     ----------
     signal : Signal
-        Under the name by which wiring knows it; its start is the value at the operating point.
+        With the name used for wiring; its start is the value at the operating point.
     angle : bool
-        Whether 2 pi more is the same.
+        Whether a change by 2 pi is the same state.
     """
 
     signal: Signal
@@ -48,14 +48,14 @@ class Measured:
 
 @dataclass(frozen=True)
 class Design:
-    """What a controller is designed for.
+    """The linear model for which a controller is designed.
 
     Parameters
     ----------
     states : tuple of Measured
-        Those that are fed back.
+        States that are fed back.
     inputs : tuple of Signal
-        Those that are commanded; their start is the value at the operating point.
+        Inputs that are commanded; their start is the value at the operating point.
     A, B : ndarray, shapes (n_states, n_states) and (n_states, n_inputs)
         ``(x - x0)' = A (x - x0) + B (u - u0)``
     integrals : tuple of Measured
@@ -132,15 +132,15 @@ def design_of(
     Parameters
     ----------
     where : str
-        Of errors: the function that designs.
+        Name of the design function, for error messages.
     plant : Block
         Continuous.
     friction, amplitude
         As for :meth:`hovercontrol.Block.linearize`.
     states : sequence of str, optional
         Which states are fed back. Default: those of `weighted` and all on which these depend; without
-        `weighted` all that do not move at the operating point. Of these only such as an output shows; others,
-        lags of actuators, follow their inputs at once.
+        `weighted` all that do not move at the operating point. Of these only states that equal an output;
+        other states, such as lags of actuators, are taken as infinitely fast.
     inputs : iterable of str, optional
         Which inputs are commanded (default: all).
     weighted : iterable of str, optional

@@ -21,16 +21,16 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Form:
-    """How a controller is realised.
+    """Options of the realisation of a controller.
 
     Parameters
     ----------
     period : float or None
-        Of a sampled controller [s], None of a continuous one.
+        Sample time [s]; None for a continuous controller.
     limits : bool
         Whether commands stay within the bounds of the plant's inputs.
     measured : str
-        The name of what is read, ``{}`` for the state's name: ``"{}_hat"`` reads an estimator.
+        Pattern of the input names, ``{}`` for the state's name: ``"{}_hat"`` reads an estimator.
     name : str
         Of the Block.
     """
@@ -47,7 +47,7 @@ class Form:
 
 @dataclass(frozen=True)
 class Gains:
-    """The numbers of a state feedback.
+    """Gains of a state feedback.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ def state_feedback(design: Design, gains: Gains, form: Form, *, applied: bool = 
     Parameters
     ----------
     applied : bool, optional
-        Whether the anti-windup reads what the actuators applied from inputs ``thrust_applied``.
+        Whether the anti-windup reads the applied commands from inputs ``thrust_applied``.
 
     Returns
     -------
@@ -116,7 +116,7 @@ def state_feedback(design: Design, gains: Gains, form: Form, *, applied: bool = 
 
 
 class _Parts:
-    """The signals of a state feedback, and the errors of what is fed back."""
+    """The signals of a state feedback, and the errors that are fed back."""
 
     def __init__(self, design: Design, form: Form) -> None:
         self.inputs: list[Signal] = []
@@ -156,7 +156,7 @@ class _Parts:
 
     @staticmethod
     def friction_gains(command: Signal, design: Design, row: Array) -> list[Signal]:
-        """Return one command's parts that compensate dry friction."""
+        """Return the terms of one command that compensate dry friction."""
         states = [design.states[f.state].signal for f in design.frictions]
         return [
             Signal(
@@ -196,7 +196,7 @@ def _integral(signal: Signal) -> Signal:
 
 
 def unit_of(above: str, below: str) -> str:
-    """Return the unit of a gain: one unit for each of another.
+    """Return the unit of a gain: the quotient of two units.
 
     Examples
     --------
@@ -212,7 +212,7 @@ def _integrators(
     """Return the integrals, their derivatives (next values), parameters, and the inputs they read.
 
     ``z' = e + L (demand - applied)``, or ``z+ = z + h (...)``: while a command is limited, its integrals
-    follow what is applied (back-calculation).
+    follow the applied command (back-calculation).
     """
     able = [
         (j, s)

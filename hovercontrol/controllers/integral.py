@@ -75,8 +75,8 @@ def lqi(
         Time constant of the anti-windup [s] (default: that of the loop, the inverse of the geometric mean of
         its poles' magnitudes).
     applied : bool, optional
-        Whether the anti-windup reads what the actuators apply from inputs ``thrust_applied`` rather than
-        taking the commands within their limits for it.
+        Whether the anti-windup reads the applied commands from inputs ``thrust_applied`` instead of using the
+        commands within their limits for it.
     period, friction, amplitude, compensate_friction, limits, measured, name
         As for :func:`lqr` [s].
 

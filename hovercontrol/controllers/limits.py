@@ -41,7 +41,7 @@ def limited(command: Signal, demand: sp.Expr, limits: bool = True) -> tuple[sp.E
 
 
 def applied_signal(command: Signal) -> Signal:
-    """Return the input by which a controller learns what the actuator applied.
+    """Return the input with which a controller reads the applied command.
 
     Examples
     --------

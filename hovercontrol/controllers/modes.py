@@ -1,4 +1,4 @@
-"""Modes that no input moves, or no weight sees: the test of Popov, Belevitch and Hautus."""
+"""Uncontrollable modes, and modes that the weights do not observe: the Popov-Belevitch-Hautus test."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ DECAYS = -1e-7
 def refuse_unmovable(
     where: str, A: Array, B: Array, names: Sequence[str], inputs: Sequence[str], *, every: bool
 ) -> None:
-    """Refuse a system with a mode that no input moves.
+    """Raise if a system has an uncontrollable mode.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def refuse_unmovable(
 
 
 def refuse_unweighted(where: str, A: Array, Q: Array, names: Sequence[str]) -> None:
-    """Refuse weights that do not see a mode on the imaginary axis: no optimal control stabilises it.
+    """Raise if the weights do not observe a mode on the imaginary axis: no optimal control stabilises it.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ def hidden_mode(
 
 
 def combination(vector: NDArray[np.complex128], names: Sequence[str]) -> str:
-    """Return a vector as a combination of states; of a complex one its states alone.
+    """Return a vector as a combination of states; for a complex vector only the names of the states.
 
     Examples
     --------

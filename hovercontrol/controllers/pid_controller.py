@@ -37,7 +37,7 @@ def pid(
 ) -> Block:
     """Return a PID controller of one quantity by one command.
 
-    With y what is measured, r its setpoint and v the demand before the limits::
+    With y the measured quantity, r its setpoint and v the command before the limits::
 
         v = offset + kp (b r - y) + I + D
         I' = ki (r - y) + (applied - v) / tracking_time
@@ -148,7 +148,7 @@ def _tracking_time(kp: float, ki: float, kd: float, given: float | None) -> floa
 
 @dataclass
 class _Law:
-    """The parts of a PID controller as they are added up."""
+    """The terms of a PID controller."""
 
     measured: Signal
     command: Signal

@@ -1,4 +1,4 @@
-"""Which states a design keeps, and what becomes of those that no output shows: lags of actuators."""
+"""The states of a design, and the elimination of states that equal no output, such as lags."""
 
 from __future__ import annotations
 
@@ -44,9 +44,9 @@ def closure(A: Array, kept: Collection[int], through: Collection[int] | None = N
 def eliminated(
     where: str, A: Array, B: Array, kept: Sequence[int], hidden: Collection[int], names: Sequence[str]
 ) -> tuple[Array, Array]:
-    """Return A and B of the kept states where hidden states follow at once.
+    """Return A and B of the kept states with hidden states taken as infinitely fast.
 
-    A hidden state z is one that no output shows. With ``z' = A_zx x + A_zz z + B_z u = 0``::
+    A hidden state z equals no output. With ``z' = A_zx x + A_zz z + B_z u = 0``::
 
         A = A_xx - A_xz A_zz^-1 A_zx        B = B_x - A_xz A_zz^-1 B_z
 

@@ -138,7 +138,7 @@ def _refuse_different(first: Block, other: Block) -> None:
 
 
 class _Schedule:
-    """What becomes of the designs' parameters and setpoints."""
+    """The scheduled parameters and setpoints."""
 
     def __init__(
         self,
@@ -209,7 +209,7 @@ class _Schedule:
         self.definitions[signal.name] = total
 
     def _shares(self, by: str) -> list[sp.Symbol]:
-        """Return how far the variable has gone from each point to the next, 0 to 1."""
+        """Return the position of the variable between each point and the next, 0 to 1."""
         found = []
         at = self.inputs[by].symbol
         for k, (a, b) in enumerate(zip(self.points[:-1], self.points[1:], strict=True)):

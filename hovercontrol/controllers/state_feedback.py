@@ -51,8 +51,8 @@ def lqr(
 ) -> Block:
     """Return the linear-quadratic regulator about an operating point.
 
-    It minimises the integral of ``dx' Q dx + du' R du`` of the linearised plant; a sampled one the sum over
-    the samples, for inputs that hold in between.
+    It minimises the integral of ``dx' Q dx + du' R du`` of the linearised plant; for a sampled controller the
+    sum over the samples, with inputs held in between.
 
     Parameters
     ----------
@@ -262,7 +262,7 @@ def without_integrals(K: Array, F: Array) -> Gains:
 
 
 def form_of(where: str, period: float | None, limits: bool, measured: str, name: str) -> Form:
-    """Return how a controller is realised, the arguments checked."""
+    """Return the options of the realisation; check the arguments."""
     if "{}" not in measured:
         raise InputError(f"{where}: measured: expected a text with {{}} for the name, found {measured!r}")
     return Form(period, limits, measured, name)

@@ -10,7 +10,7 @@ from hovercontrol.errors import InputError, did_you_mean
 
 
 class StateNames:
-    """Which state a name means: a state's own name, or that of an output that is the state.
+    """The state of a name: a state's own name, or that of an output that is the state.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ class StateNames:
 
 
 def is_angle(plant: Block, state: Signal) -> bool:
-    """Return whether 2 pi more of a state is the same to the plant: an angle of its equations of motion.
+    """Return whether a state is an angle: a change by 2 pi does not change the plant's equations.
 
     Examples
     --------

@@ -174,8 +174,8 @@ def affine_dynamics(model: Model, name: str) -> tuple[dict[str, sp.Expr], Thrust
                 )
     for state in model.own_states(name, s):
         raise InputError(
-            f"controller: model {model.name!r} has friction with the state {state.name!r}, which no "
-            f"controller has: leave the effect out of the controller's model"
+            f"controller: model {model.name!r} has friction with the internal state {state.name!r}, which "
+            f"a controller cannot know: leave the effect out of the controller's model"
         )
     total = model.accelerations(name, s)
     gain = sp.Matrix([[sp.diff(total[axis], a) for a in vector] for axis in ("u", "v", "r")])
@@ -188,9 +188,7 @@ def _refuse_singular(model: Model, name: str, B: ThrustMatrix, control_point: fl
     gain = B.gain.subs(values)
     centre = ThrustMatrix(gain)(sp.S.Zero)
     if abs(centre.det()) < 1e-12:
-        raise InputError(
-            f"controller: model {model.name!r} cannot push both ways: it needs the effect 'thrust' > 0"
-        )
+        raise InputError(f"controller: model {model.name!r} needs the effect 'thrust' > 0")
     here = ThrustMatrix(gain)(sp.Float(control_point))
     if abs(here.det()) < 1e-6 * abs(centre.det()):
         raise InputError(

@@ -346,8 +346,8 @@ def _refuse_late_wires(blocks: Sequence[Block], drivers: Mapping[str, tuple[Bloc
                 driver = drivers[name][0].name
                 raise InputError(
                     f"{name!r} acts with a delay in block {block.name!r}, but block {driver!r} "
-                    "drives it and keeps no past: take hovercontrol.core.delays.undelayed() of the one and "
-                    "put a sampled link of hovercontrol.hardware.links between, or take "
+                    "drives it and stores no past values: replace the delay by a sampled link of "
+                    "hovercontrol.hardware.links (with hovercontrol.core.delays.undelayed()) or by "
                     "hovercontrol.core.delays.pade()"
                 )
 

@@ -148,7 +148,7 @@ def clock_of(periods: Sequence[float]) -> Clock:
     if clock.parts > FINEST:
         worst = max(periods, key=lambda p: Fraction(str(p)).denominator)
         raise InputError(
-            f"a period of {worst!r} s is no whole number of picoseconds, so its ticks have no exact times; "
-            f"the nearest that will do is {round(worst, 9)!r} s"
+            f"a period of {worst!r} s is not a whole number of picoseconds, so its tick times are not exact; "
+            f"the nearest valid period is {round(worst, 9)!r} s"
         )
     return clock

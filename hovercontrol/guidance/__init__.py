@@ -1,4 +1,4 @@
-"""Guidance: what tells a controller where to go, from a pilot's stick, from waypoints or from a path."""
+"""Guidance: references for a controller from a pilot's stick, from waypoints or from a path."""
 
 from hovercontrol.guidance.commands import command_filter
 from hovercontrol.guidance.course import course_control

@@ -1,4 +1,4 @@
-"""A course held by the yaw rate: what stands between line-of-sight guidance and the steering law."""
+"""Course control by the yaw rate: between line-of-sight guidance and the steering law."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def course_control(
 ) -> Block:
     """Return the course controller ``yaw_rate_ref = limit tanh(gain e/limit)``, e the course error.
 
-    The heading stands for the course, or the heading plus the sideslip ``beta = atan(v/sqrt(u^2 + slow^2))``
+    The course is the heading, or the heading plus the sideslip ``beta = atan(v/sqrt(u^2 + slow^2))``
     of a craft that goes ahead; e is taken between -pi and pi. A craft with its rudder astern first slides
     outwards, so that its course has a zero in the right half-plane: with sideslip, gains must be smaller.
 

@@ -4,10 +4,10 @@
 making use of the control laws presented in this thesis ... An event-driven controller would be implemented to
 switch between the various continuous-time control laws" (K06 chapter 7).
 
-The planner tells one corner after the other to K06's pose controller (section 2.3.1), which points at it,
-drives, halts, turns to the next leg and rests; at rest the next leg begins. A craft without drag keeps the
-direction of its momentum while it drives straight on, whatever its heading does, so that deviations are
-corrected where it stops: long legs are divided.
+The planner gives one corner after the other as the goal to K06's pose controller (section 2.3.1), which
+points at it, drives, halts, turns to the next leg and rests; at rest the next leg begins. A craft without
+drag keeps the direction of its momentum while it drives straight on, whatever its heading does, so that
+deviations are corrected where it stops: long legs are divided.
 """
 
 from __future__ import annotations
@@ -29,16 +29,14 @@ from hovercontrol.guidance.waypoints import (
     ALONG_TRACK,
     CROSS_TRACK,
     LEG,
+    POSITION,
     corner_signals,
     leg_ends,
     track,
     waypoint_array,
 )
 from hovercontrol.io.tables import number, positive
-from hovercontrol.models.model import MOTION
 from hovercontrol.models.vehicles import HOVERDEMON_BODY, Body
-
-_POSITION = tuple(s for s in MOTION if s.name in ("x", "y"))
 
 
 @checked
@@ -60,7 +58,7 @@ def path_tracker(
 ) -> Block:
     """Return the hybrid tracker of a path: a planner of legs and K06's pose controller.
 
-    It tells :func:`~hovercontrol.controllers.k06.drive` its references; with `reverse_surge`
+    It sets the references of :func:`~hovercontrol.controllers.k06.drive`; with `reverse_surge`
     :func:`~hovercontrol.controllers.k06.both_ways`, whose stern may go first.
 
     Parameters
@@ -118,7 +116,7 @@ def path_tracker(
 
 
 def _planner(path: np.ndarray, end_heading: float, period: float) -> Block:
-    """Return what tells the end of the present leg as the goal, and goes on when the craft rests there."""
+    """Return the planner: its goal is the end of the leg; the next leg begins when the craft rests there."""
     corners = corner_signals(path)
     legs = len(path) - 1
     end = Signal("end_heading", "rad", "heading at the end", start=end_heading)
@@ -131,7 +129,7 @@ def _planner(path: np.ndarray, end_heading: float, period: float) -> Block:
     return Block(
         "planner",
         states=(present,),
-        inputs=(*_POSITION, MODE),
+        inputs=(*POSITION, MODE),
         outputs=(*GOAL, LEG, CROSS_TRACK, ALONG_TRACK),
         parameters=(end, *(c for pair in corners for c in pair)),
         definitions=track(now),
@@ -148,7 +146,7 @@ def _planner(path: np.ndarray, end_heading: float, period: float) -> Block:
 
 
 def _divided(path: np.ndarray, longest: float) -> np.ndarray:
-    """Return a path whose legs are no longer than this."""
+    """Return a path with long legs divided."""
     parts = [path[:1]]
     for begin, end in pairwise(path):
         pieces = max(1, math.ceil(math.hypot(*(end - begin)) / longest))

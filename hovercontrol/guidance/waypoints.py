@@ -34,7 +34,7 @@ ALONG_TRACK = Signal("along_track", "m", "distance along the leg from its beginn
 TO_GO = Signal("to_go", "m", "distance from the waypoint ahead")
 LEG = Signal("leg", "1", "number of the leg, from 0; the number of legs after the last waypoint")
 
-_POSITION = tuple(s for s in MOTION if s.name in ("x", "y"))
+POSITION = tuple(s for s in MOTION if s.name in ("x", "y"))
 
 
 @checked
@@ -120,7 +120,7 @@ def line_of_sight(
     return Block(
         name,
         states=(_LAST_LEG, *states, last_course),
-        inputs=_POSITION,
+        inputs=POSITION,
         outputs=(COURSE_REF, SURGE_REF, CROSS_TRACK, ALONG_TRACK, TO_GO, LEG),
         parameters=(*p.values(), *(c for pair in corners for c in pair)),
         definitions={
@@ -138,7 +138,7 @@ def line_of_sight(
 
 _LAST_LEG = LEG.replace(name="last_leg", description="leg at the last tick")
 _DIRECTION = sp.Symbol("leg_direction", real=True)
-_X, _Y = (s.symbol for s in _POSITION)
+_X, _Y = (s.symbol for s in POSITION)
 
 
 def _switching(
@@ -173,7 +173,7 @@ def _integral(
 
 
 def track(ends: dict[str, sp.Expr]) -> dict[str, sp.Expr]:
-    """Return the definitions of a leg's ends and direction, and of the distances from it.
+    """Return the definitions of a leg's ends and direction, and of the distances along and across it.
 
     Parameters
     ----------

@@ -175,5 +175,5 @@ def study_html(study: Study) -> str:
         for j in study.judged
         for c, rms in j.prediction.rms.items()
     ]
-    ahead = table(("log", "channel", "error 1 s ahead", "if velocities stayed", "unit"), rows)
+    ahead = table(("log", "channel", "error 1 s ahead", "at constant velocity", "unit"), rows)
     return identified_html(study.found) + fold("predictions", ahead, unfolded=True)

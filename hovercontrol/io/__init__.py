@@ -1,1 +1,1 @@
-"""Files written atomically, TOML tables, JSON, and what a Python file of the user's defines."""
+"""Files written atomically, TOML tables, JSON, and models from a user's Python file."""

@@ -16,7 +16,7 @@ COLOUR_MAP = "cividis"
 
 @contextmanager
 def figure_style() -> Iterator[None]:
-    """Draw in the package's style inside a ``with``; outside Matplotlib's settings are the user's own.
+    """Draw in the package's style inside a ``with``; outside, the user's Matplotlib settings are unchanged.
 
     Examples
     --------

@@ -48,7 +48,7 @@ def _has_null(error: BaseException) -> bool:
 
 
 def readable(path: str | Path, wanted: str = "a file") -> Path:
-    """Return the path of a file, or raise if it is something else.
+    """Return the path of a file; raise if it is not a regular file.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ def readable(path: str | Path, wanted: str = "a file") -> Path:
 
 
 def _beside(file: Path) -> str:
-    """Return the end of an error line: the file of the same kind in that folder whose name is nearest."""
+    """Return the end of an error line: the nearest file name with the same suffix in that folder."""
     try:
         names = [
             f.name for f in itertools.islice(file.parent.iterdir(), MOST_BESIDE) if f.suffix == file.suffix
@@ -113,7 +113,7 @@ def check_folder(folder: str | Path) -> None:
 
 
 def write_atomically(path: str | Path, write: Callable[[Path], object]) -> Path:
-    """Let `write` fill a temporary file beside `path`, then put it in place in one step.
+    """Let `write` fill a temporary file beside `path`, then rename it in one step.
 
     Parameters
     ----------
@@ -139,7 +139,7 @@ def write_atomically(path: str | Path, write: Callable[[Path], object]) -> Path:
 
 
 def write_new(path: Path, write: Callable[[Path], object]) -> bool:
-    """Do as :func:`write_atomically` where nothing has that name; return whether the file was written."""
+    """Write like :func:`write_atomically` unless the name exists; return whether the file was written."""
     try:
         write_quietly(path, write, place=_place_new)
     except _TakenError:
@@ -155,7 +155,7 @@ def write_quietly(
     mode: int = 0o666,
     place: Callable[[Path, Path], object] | None = None,
 ) -> Path:
-    """Do as :func:`write_atomically`, for what is no result (a cache): it is not listed as written.
+    """Write like :func:`write_atomically`, for a cache: the file is not listed as a result.
 
     The file gets the permissions `mode` less those of the umask; `place` gives it its name, instead of any
     older file.
@@ -174,7 +174,7 @@ def write_quietly(
 
 @contextmanager
 def folder_made(folder: Path) -> Iterator[None]:
-    """Make a folder and its parents; where what is done in it fails, remove those that were made for it."""
+    """Make a folder and its parents for a ``with``; if the body fails, remove the folders that were made."""
     new = [p for p in (folder, *folder.parents) if not os.path.lexists(p)]
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -187,7 +187,7 @@ def folder_made(folder: Path) -> Iterator[None]:
 
 
 def clear_dead(folder: Path) -> None:
-    """Remove unfinished files of killed runs in a folder; complete moves that they had begun."""
+    """Remove unfinished files of killed runs in a folder; complete their interrupted moves."""
     with contextlib.suppress(OSError):
         for name in os.listdir(folder):
             found = _NAME.fullmatch(name)
@@ -208,7 +208,7 @@ def clear_own() -> None:
 
 
 class _TakenError(Exception):
-    """Something has that name already."""
+    """The name already exists."""
 
 
 def _place_new(temporary: Path, target: Path) -> None:
@@ -248,7 +248,7 @@ def resolved(target: Path) -> Path:
 
 @contextmanager
 def removed_at_last(temporary: Path) -> Iterator[Path]:
-    """Remove something temporary at the end of a ``with``, or where a signal ends the process."""
+    """Remove a temporary path at the end of a ``with``, or when a signal ends the process."""
     unfinished.add(temporary)
     try:
         yield temporary
@@ -258,7 +258,7 @@ def removed_at_last(temporary: Path) -> Iterator[Path]:
 
 
 def _own(path: Path) -> bool:
-    """Return whether something is this user's and no link: in a shared folder others may choose its name."""
+    """Return whether a path belongs to this user and is no link: others may create names in shared folders."""
     found = os.lstat(path)
     return not stat.S_ISLNK(found.st_mode) and (os.name == "nt" or found.st_uid == os.getuid())
 
@@ -282,7 +282,7 @@ def _is_part(target: Path) -> bool:
 
 
 def place_files(ready: Path, target: Path) -> None:
-    """Move what is complete, file by file."""
+    """Move complete files one by one."""
     for file in sorted(ready.iterdir()):
         os.replace(file, target / file.name)
     ready.rmdir()
@@ -311,7 +311,7 @@ def _alive(process: int) -> bool:
 
 
 def shortened(path: Path) -> str:
-    """Return a path for an error line, however long it is and whatever is in it."""
+    """Return a path for an error line: shortened and printable."""
     text = str(path).replace("\0", "\\0")
     return text if len(text) <= 200 else f"{text[:100]}...{text[-60:]}"
 

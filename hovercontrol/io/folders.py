@@ -33,7 +33,7 @@ from hovercontrol.io.files import (
 def write_folder(
     folder: str | Path, write: Callable[[Path], object], stale: Sequence[str] = ()
 ) -> list[Path]:
-    """Let `write` fill a temporary folder beside `folder`, then put it in place in one step.
+    """Let `write` fill a temporary folder beside `folder`, then rename it in one step.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ def write_folder(
 
 
 def own_folder(folder: Path) -> None:
-    """Make a working folder of this package, with its list; one that is there already is kept.
+    """Make a working folder of this package, with its list; an existing one is kept.
 
     Raises
     ------
@@ -133,20 +133,20 @@ def _exchangeable(target: Path) -> bool:
 
 
 def _all_listed(folder: Path, gone: Sequence[str]) -> dict[str, str]:
-    """Return what the list of a folder says of the files that are still there."""
+    """Return the entries of a folder's list whose files still exist."""
     known = written.listed(folder) or {}
     return {k: v for k, v in known.items() if k not in gone and os.path.lexists(folder / k)}
 
 
 def _refuse_folders(folder: Path, names: Mapping[str, str]) -> None:
-    """Refuse to put a file where a folder stands, before the first file is moved."""
+    """Raise if a folder has the name of a new file, before the first file is moved."""
     for name in names:
         if (folder / name).is_dir() and not (folder / name).is_symlink():
             raise InputError(f"{shortened(folder / name)}: cannot be written: a folder has that name")
 
 
 def _keep_others(old: Path, new: Path, replaced: Sequence[str], kept: Mapping[str, str]) -> None:
-    """Let a new folder have the files that others put into the old one, those in `kept` by another name."""
+    """Move files that others put into the old folder to the new one, those in `kept` under another name."""
     for entry in os.scandir(old) if old.exists() else ():
         name = kept.get(entry.name, entry.name)
         if entry.name != written.LIST and (name != entry.name or name not in replaced):
@@ -157,7 +157,7 @@ def _keep_others(old: Path, new: Path, replaced: Sequence[str], kept: Mapping[st
 
 
 def _exchange(new: Path, target: Path) -> None:
-    """Put a folder in place in one step; what was there is left under the new one's name."""
+    """Exchange a folder in one step; the old content keeps the new folder's temporary name."""
     if not target.exists():
         with contextlib.suppress(FileExistsError):  # another run was first
             os.rename(new, target)
@@ -174,7 +174,7 @@ def _exchange(new: Path, target: Path) -> None:
 
 
 def _swap(one: bytes, other: bytes) -> None:
-    """Exchange two names in one step, where the system can."""
+    """Exchange two names in one step if the system supports it."""
     library: Any = ctypes.CDLL(None, use_errno=True) if os.name == "posix" else None
     if hasattr(library, "renameat2"):
         here, exchange = -100, 2

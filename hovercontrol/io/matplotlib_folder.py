@@ -12,7 +12,7 @@ from pathlib import Path
 
 
 def set_matplotlib_folder() -> None:
-    """Give Matplotlib a temporary folder where its own cannot be written; it would print lines about that.
+    """Give Matplotlib a temporary folder if its own is not writable; otherwise it would print warnings.
 
     To be called before Matplotlib is imported. The folder ends with this process.
     """
@@ -24,7 +24,7 @@ def set_matplotlib_folder() -> None:
 
 
 def _folders() -> list[str]:
-    """Return the folders of settings and caches that Matplotlib takes."""
+    """Return Matplotlib's folders of settings and caches."""
     own = os.environ.get("MPLCONFIGDIR")
     if own:
         return [own]
@@ -35,7 +35,7 @@ def _folders() -> list[str]:
 
 
 def _writable(folder: str) -> bool:
-    """Return whether a folder can be written, or made."""
+    """Return whether a folder is writable or can be created."""
     place = Path(os.path.expanduser(folder)).absolute()
     there = next(p for p in (place, *place.parents) if os.path.lexists(p))
     return there.is_dir() and os.access(there, os.W_OK | os.X_OK)

@@ -1,4 +1,4 @@
-"""Standard output of a command that prints one JSON value; what else is printed goes to standard error."""
+"""Standard output for one JSON value; all other output goes to standard error."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ was_reserved = False
 
 
 def reserve() -> None:
-    """Keep standard output for :func:`write`; a Python file of the user's may print, too.
+    """Reserve standard output for :func:`write`, since a user's Python file may print.
 
-    Where it is a descriptor, that is led to standard error: what C code and other processes print goes there.
+    A file descriptor is redirected to standard error, with the output of C code and other processes.
     """
     global was_reserved
     if _reserved or sys.stdout is None:
@@ -34,7 +34,7 @@ def reserve() -> None:
 
 
 def release() -> bool:
-    """Let standard output be what it was; return whether it was reserved."""
+    """Restore standard output; return whether it was reserved."""
     if not _reserved:
         return False
     sys.stdout, kept = _reserved.pop()
@@ -45,7 +45,7 @@ def release() -> bool:
 
 
 def write(text: str) -> None:
-    """Write the result of a command to standard output, whether that is reserved or not."""
+    """Write the result of a command to standard output, reserved or not."""
     if not _reserved:
         sys.stdout.write(text)
         return

@@ -1,4 +1,4 @@
-"""Parts in per cent, as people write them: no powers of ten."""
+"""Fractions as percentages without powers of ten."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 
 
 def percent(part: float, digits: int = 2) -> str:
-    """Return a part in per cent, to some digits; whole per cents are kept.
+    """Return a fraction in per cent with some significant digits; whole numbers are not rounded.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Results as JSON that every reader accepts: numbers, texts, lists; what is infinite or no number is null."""
+"""Results as standard JSON: infinite values and NaN become null."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 
 
 def plain(value: Any) -> Any:
-    """Return a value as JSON has it: arrays and tuples as lists, no infinity and no NaN.
+    """Return a value that JSON can represent: arrays and tuples as lists, infinity and NaN as None.
 
     Examples
     --------
@@ -33,5 +33,5 @@ def plain(value: Any) -> Any:
 
 
 def json_text(value: Any) -> str:
-    """Return a value as indented JSON text that ends with its line."""
+    """Return a value as indented JSON text with a final newline."""
     return json.dumps(plain(value), indent=1, allow_nan=False, ensure_ascii=False) + "\n"

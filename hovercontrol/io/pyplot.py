@@ -1,7 +1,7 @@
 """Figures that users see: ``plt.show()`` shows them in a script, and a notebook shows each once.
 
-What computes a figure makes a ``matplotlib.figure.Figure`` that pyplot does not know: files, commands and
-threads use that. Only a ``plot`` that a user calls opens it in pyplot, at the very end.
+Internal functions return a ``matplotlib.figure.Figure`` that is not registered with pyplot, for files,
+commands and threads. Only a ``plot`` that a user calls opens it in pyplot, at the very end.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ HOOK = "_ipython_display_"
 
 
 def open_in_pyplot(figure: Figure) -> Figure:
-    """Return a figure that is now one of pyplot's, the current one.
+    """Register a figure with pyplot as the current one, and return it.
 
     Parameters
     ----------

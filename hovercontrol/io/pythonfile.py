@@ -1,4 +1,4 @@
-"""What a Python file of the user's own defines: ``machine.py:MODEL``."""
+"""Models from a user's Python file: ``machine.py:MODEL``."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ MACHINES, MOST = ("Block", "BlockModel", "Model"), 8
 
 
 def names_python(text: str) -> bool:
-    """Return whether a text names something in a Python file.
+    """Return whether a text refers to a Python file.
 
     Examples
     --------
@@ -34,7 +34,7 @@ def names_python(text: str) -> bool:
 
 
 def from_python(text: str, *kinds: type) -> Any:
-    """Return what a Python file defines under a name; the file is run, as by ``import``.
+    """Return an object that a Python file defines; the file is executed, as by ``import``.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ def from_python(text: str, *kinds: type) -> Any:
         ``FILE.py:NAME``; ``FILE.py`` alone where it defines one thing of these kinds. The Block of a model
         that is one of them counts as the model.
     *kinds : type
-        What is wanted.
+        Accepted types.
 
     Raises
     ------
@@ -84,7 +84,7 @@ def _defined(path: Path, name: str, kinds: tuple[type, ...]) -> tuple[dict[str, 
 
 
 def _is_installed(path: Path) -> bool:
-    """Return whether a file is called as a module that is installed, or imported already."""
+    """Return whether a file has the name of a module that is installed or imported."""
     if path.stem in _run_before:
         return False
     try:
@@ -98,9 +98,9 @@ def _is_installed(path: Path) -> bool:
 
 
 def _run(path: Path) -> ModuleType:
-    """Execute a file; while it runs, what lies beside it can be imported.
+    """Execute a file; while it runs, modules in its folder can be imported.
 
-    A file that is called as something installed (``control.py``) does not hide that from this package.
+    A file with the name of an installed module (``control.py``) does not hide it from this package.
     """
     hides = _is_installed(path)
     own = f"{_PREFIX}{path.stem}" if hides else path.stem

@@ -1,4 +1,4 @@
-"""How results show themselves at the prompt: what they hold, arrays by shape and range, never in full."""
+"""Text representation of results: their fields, with arrays as shape and range."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def short_repr(thing: Any) -> str:
 
 
 def short(value: Any) -> str:
-    """Return a value in a few words.
+    """Return a short text of a value.
 
     Examples
     --------
@@ -74,14 +74,14 @@ def short(value: Any) -> str:
 
 
 def listed(texts: Iterable[str], count: int) -> str:
-    """Return the first few of some texts, and how many there are more."""
+    """Return the first few texts, and the number of others."""
     first = [text for text, _ in zip(texts, range(ITEMS), strict=False)]
     more = f", ... {count - ITEMS} more" if count > ITEMS else ""
     return ", ".join(first) + more
 
 
 def cut(text: str, longest: int = WIDTH - 6) -> str:
-    """Return a text that is no longer than a line."""
+    """Return a text, cut to one line."""
     return text if len(text) <= longest else f"{text[: longest - 4]} ..."
 
 

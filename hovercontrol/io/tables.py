@@ -1,4 +1,4 @@
-"""TOML files and what is checked of every one: which keys there are, and that numbers are numbers."""
+"""TOML files and checks of their keys and values."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def read_toml(path: str | Path) -> dict[str, Any]:
 
 
 def _hint(written: str, said: str) -> str:
-    """Return what a common mistake is, of the line that an error names."""
+    """Return a hint on a common mistake in the line of an error."""
     number = re.search(r"at line (\d+)", said)
     line = written.splitlines()[int(number[1]) - 1] if number else ""
     if re.search(r"=\s*[-+]?\d+,\d", line):
@@ -56,7 +56,7 @@ def _hint(written: str, said: str) -> str:
 
 
 def check_keys(kind: str, found: Mapping[str, Any], known: Iterable[str]) -> None:
-    """Refuse a key that is not known; `kind` says what the keys are ("effect", "key in [plant]")."""
+    """Raise if a key is unknown; `kind` names the keys ("effect", "key in [plant]")."""
     names = list(known)
     for key in found:
         if key not in names:

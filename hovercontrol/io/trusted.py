@@ -1,4 +1,4 @@
-"""Whether nobody but the user can have written a file, or can put another one in its place."""
+"""Checks that only the user can write or replace a file."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ _OTHERS = stat.S_IWGRP | stat.S_IWOTH
 
 
 def private_folder_made(folder: Path) -> None:
-    """Make a folder and the parents it lacks, for the user alone, whatever the umask says."""
+    """Make a folder and the parents it lacks, for the user alone, for any umask."""
     if not folder.parent.exists():
         private_folder_made(folder.parent)
     folder.mkdir(mode=0o700, exist_ok=True)
 
 
 def distrust(folder: Path, within: Path | None = None) -> str:
-    """Return why others may put something into a folder, empty if they may not.
+    """Return why others can write into a folder; empty if they cannot.
 
     Parameters
     ----------

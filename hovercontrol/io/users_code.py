@@ -1,4 +1,4 @@
-"""A Python file of the user's runs inside this process: mend what it breaks, tell what fails as its own."""
+"""Run a user's Python file in this process: restore the state, and report errors as the file's."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _left: list[threading.Thread] = []
 
 
 def run_users_code(path: Path, work: Callable[[], T]) -> T:
-    """Run what executes a user's file; give the process back as it was.
+    """Execute a user's file and restore the state of the process.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ def run_users_code(path: Path, work: Callable[[], T]) -> T:
 
 
 def fault(error: BaseException) -> str:
-    """Return the error line of what a user's file raised after it was loaded, empty if none was involved."""
+    """Return the error line of an exception from a user's loaded file; empty if none was involved."""
     for frame, _ in reversed(list(traceback.walk_tb(error.__traceback__))):
         path = _files.get(os.path.realpath(frame.f_code.co_filename))
         if path is not None:
@@ -73,12 +73,12 @@ def fault(error: BaseException) -> str:
 
 
 def is_running() -> bool:
-    """Return whether a thread still runs that a user's file left: Python would wait for it at the end."""
+    """Return whether a thread of a user's file still runs: Python would wait for it at exit."""
     return any(thread.is_alive() for thread in _left)
 
 
 def text_of(error: BaseException) -> str:
-    """Return the text of an error, whatever its class does when it is asked for that."""
+    """Return the text of an error, even if its ``__str__`` fails."""
     try:
         return str(error)
     except BaseException as other:
@@ -103,21 +103,21 @@ def _line(path: Path, error: BaseException) -> str:
 
 
 def _is_stop(error: BaseException) -> bool:
-    """Return whether the user interrupts: a command's handler raises a class of its own."""
+    """Return whether the user interrupts: a command's handler raises its own class."""
     plain = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     ours = type(error).__module__.startswith("hovercontrol.")
     return isinstance(error, KeyboardInterrupt) and (ours or plain)
 
 
 def _end_fork() -> NoReturn:
-    """End a process that the file forked and let come back: one command is enough."""
+    """End a process that the file forked and that returned here."""
     with contextlib.suppress(Exception):
         sys.stdout.flush()
     os._exit(0)
 
 
 class _Shared:
-    """Standard output or error while a user's file runs: closing it does not close what is behind."""
+    """Standard output or error while a user's file runs: closing it does not close the stream."""
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
@@ -126,12 +126,12 @@ class _Shared:
         return getattr(self._stream, name)
 
     def close(self) -> None:
-        """Write out what was printed."""
+        """Flush the output."""
         self._stream.flush()
 
 
 class _Process:
-    """What a file can break of the process that it runs in."""
+    """Process state that a user's file can change."""
 
     def __init__(self) -> None:
         self._built_in = dict(vars(builtins))
@@ -156,7 +156,7 @@ class _Process:
                 setattr(sys, name, _Shared(stream))
 
     def restore(self) -> str:
-        """Give all back; return what cannot be passed over, empty if nothing."""
+        """Restore the state; return an error that must be reported, empty if there is none."""
         builtins.__dict__.update(self._built_in)  # first: all below needs them
         sys.settrace(self._trace)
         self._warnings.__exit__(None, None, None)

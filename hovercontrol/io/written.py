@@ -1,6 +1,7 @@
-"""Which files of a folder this package wrote: a list that lies beside them, with the digest of each.
+"""List of the files that this package wrote into a folder, with the digest of each.
 
-Only what the list names, unchanged since, is replaced or removed. Everything else is the user's and is kept.
+Only what the list names, unchanged since, is replaced or removed. All other files
+belong to the user and are kept.
 """
 
 from __future__ import annotations
@@ -49,7 +50,7 @@ def write_list(folder: Path, files: Mapping[str, str]) -> None:
 
 
 def digest(file: Path) -> str:
-    """Return the SHA-256 of a file's content, empty where it is no regular file that can be read."""
+    """Return the SHA-256 of a file's content, empty if it is not a readable regular file."""
     with contextlib.suppress(OSError):
         if stat.S_ISREG(os.lstat(file).st_mode):
             with file.open("rb") as stream:
@@ -63,7 +64,7 @@ def users_files(folder: Path, new: Mapping[str, str]) -> list[str]:
     Parameters
     ----------
     new : mapping of str to str
-        Names and digests of what is to be written; a file of the same content loses nothing.
+        Names and digests of what is to be written; a file with the same content may be replaced.
     """
     ours = listed(folder) or {}
     there = {name: digest(folder / name) for name in new if os.path.lexists(folder / name)}
@@ -71,7 +72,7 @@ def users_files(folder: Path, new: Mapping[str, str]) -> list[str]:
 
 
 def stale_files(folder: Path, patterns: tuple[str, ...]) -> list[str]:
-    """Return the files of earlier runs whose names match one of the patterns: written here, unchanged."""
+    """Return the files of earlier runs that match one of the patterns and are unchanged."""
     ours = listed(folder) or {}
     return [
         name
@@ -91,7 +92,7 @@ def free_name(folder: Path, name: str) -> str:
 
 
 def refuse_others(folder: Path) -> bool:
-    """Return whether a working folder of this package is there; refuse anything else of that name.
+    """Return whether a working folder of this package exists; raise if the name is used otherwise.
 
     Raises
     ------
@@ -112,7 +113,7 @@ def refuse_others(folder: Path) -> bool:
 def remove_own(folder: Path, pattern: str) -> None:
     """Remove a working folder of this package: its list, and the files that match the pattern.
 
-    A folder without a list is left alone, and so is everything else that lies in it.
+    A folder without a list and all other files are kept.
     """
     if listed(folder) is None:
         return

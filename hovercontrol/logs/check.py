@@ -97,12 +97,12 @@ def check_gaps(log: Log) -> None:
     left = sum(float(part.time[-1] - part.time[0]) for part in log.each_trial()) - sum(gaps)
     many = len(gaps) > 1
     count = f"{len(gaps)} gap{'s' * many} of {max(gaps):.3g} s{' at most' * many}"
-    usual = f"usual are {np.median(np.diff(log.time)):.3g} s from row to row"
+    usual = f"the median interval between rows is {np.median(np.diff(log.time)):.3g} s"
     if sum(gaps) > left:
         raise InputError(
-            f"{log.name}: {count}, {sum(gaps):.3g} s in all: {usual}, and only {left:.3g} s are left"
+            f"{log.name}: {count}, {sum(gaps):.3g} s in total; {usual}, and only {left:.3g} s remain"
         )
-    warnings.warn(f"{log.name}: {count}, bridged by the model: {usual}", stacklevel=3)
+    warnings.warn(f"{log.name}: {count}, bridged by the model; {usual}", stacklevel=3)
 
 
 def check_heading(file: str, column: str, time: Floats, psi: Floats, r: Floats | None) -> None:

@@ -89,7 +89,7 @@ def _stands_out(values: Floats, code: float, known: bool) -> bool:
 def code_text(column: str, code: float, rows: int, first: str) -> str:
     """Return the message on a column with a code, without the name of the log."""
     where = f"in {rows} rows, the first {first}," if rows > 1 else first
-    return f"column {column!r}: {code:g} {where} seems to mean a missing value: --missing {code:g}"
+    return f"column {column!r}: {code:g} {where} looks like a missing value: --missing {code:g}"
 
 
 def code_faults(log: Log, names: Sequence[str]) -> list[str]:
@@ -104,7 +104,7 @@ def code_faults(log: Log, names: Sequence[str]) -> list[str]:
     --------
     >>> t = 0.02 * np.arange(100)
     >>> code_faults(Log("a", t, {"r": np.where(t < 0.1, -999.0, np.sin(t))}), ["r"])[0]
-    "a: column 'r': -999 in 5 rows, the first at 0 s, seems to mean a missing value: --missing -999"
+    "a: column 'r': -999 in 5 rows, the first at 0 s, looks like a missing value: --missing -999"
     """
     said = []
     for name in names:

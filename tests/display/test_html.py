@@ -88,7 +88,7 @@ def test_an_fmu_shows_its_signals(tmp_path):
         ("run", ["k06-turn", "&#10003;", "the paper says"]),
         ("varied", ["controller.k2", "final of r"]),
         ("sweep", ["5 runs", "median"]),
-        ("study", ["held out", "if velocities stayed"]),
+        ("study", ["held out", "at constant velocity"]),
         ("identified", ["yaw_linear_drag", "±"]),
         ("diagnosis", ["slope_x", "m/s^2", "Missing"]),
         ("check", ["per second", "yes"]),

@@ -83,7 +83,8 @@ def test_gaps_are_bridged_and_counted_though_commands_came_meanwhile(run):
     log = gather(f"{run}/pose.csv")
     log.select((log.time < 1.0) | (log.time > 1.26)).save(run / "pose.csv")
     with pytest.warns(
-        UserWarning, match=r"pose\.csv: 1 gap of 0\.3 s, bridged by the model: usual are 0\.02 s"
+        UserWarning,
+        match=r"pose\.csv: 1 gap of 0\.3 s, bridged by the model; the median interval between rows is 0\.02 s",
     ):
         joined = gather(f"{run}/pose.csv+{run}/cmd.csv")
     within = (joined.time > 0.99) & (joined.time < 1.27)
@@ -94,7 +95,7 @@ def test_gaps_are_bridged_and_counted_though_commands_came_meanwhile(run):
 def test_a_log_with_more_gap_than_rows_is_refused(run):
     log = gather(f"{run}/pose.csv")
     log.select((log.time < 1.0) | (log.time > 3.5)).save(run / "pose.csv")
-    with pytest.raises(InputError, match=r"pose\.csv: 1 gap of 2\.5\d s, .* and only 1\.4\d? s are left"):
+    with pytest.raises(InputError, match=r"pose\.csv: 1 gap of 2\.5\d s, .* and only 1\.4\d? s remain"):
         gather(f"{run}/pose.csv")
 
 

@@ -102,7 +102,7 @@ def test_a_schedule_takes_every_multiple_of_every_period_once_and_in_order(perio
 
 def test_a_period_without_exact_ticks_is_refused_with_the_nearest():
     with pytest.raises(
-        InputError, match=r"0\.3333333333333333 s is no whole number of picoseconds.*0\.333333333 s"
+        InputError, match=r"0\.3333333333333333 s is not a whole number of picoseconds.*0\.333333333 s"
     ):
         simulate(interconnect([CART, brake(1 / 3), sensor()]), TIMES)
 

@@ -1,8 +1,8 @@
 """K06's controllers: laws on the body velocities, their references, and the actuation.
 
 The laws (:mod:`.laws`) are continuous; the hybrid controllers of a heading (:mod:`.heading`) and of a pose
-(:mod:`.origin`) are sampled and tell a law its references; :func:`setpoints` tells constants and
-:func:`force_to_command` makes commands of forces.
+(:mod:`.origin`) are sampled and set the references of a law; :func:`setpoints` sets constant references, and
+:func:`force_to_command` converts forces to commands.
 """
 
 from hovercontrol.controllers.k06.actuation import force_driven, force_to_command

@@ -1,4 +1,4 @@
-"""From the force a law asks for to the commands of a craft with a propeller and a rudder."""
+"""Conversion of a law's force to the commands of a craft with a propeller and a rudder."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def force_to_command(*, dead_zone: float = 0.0, reversing: bool = False, name: s
 def force_driven(plant: Block) -> Block:
     """Return a rudder craft's plant with the force vector as its input [K06 eq 2.10, 2.11].
 
-    It is the plant behind :func:`force_to_command` with all written out: polar coordinates, which have no
+    It is the plant behind :func:`force_to_command` in one Block: polar coordinates, which have no
     direction at zero force, cancel, so that loops can be linearised at rest.
 
     Parameters

@@ -46,7 +46,7 @@ def entry_energy(m: sp.Expr, J: sp.Expr, d: sp.Expr, yaw_rate: sp.Expr) -> sp.Ex
 
 
 def least_yaw_rate(m: sp.Expr, J: sp.Expr, d: sp.Expr, level: sp.Expr, yaw_rate: sp.Expr) -> sp.Expr:
-    """Return v_max/J [K06 eq 2.66, 2.67, 2.68]: how far the wanted yaw rate may fall while the turn law runs.
+    """Return v_max/J [K06 eq 2.66, 2.67, 2.68]: the least yaw rate reference while the turn law runs.
 
     Above it the craft is below the new reference's unwanted level, wherever it is within ``W <= level`` of
     the present reference `yaw_rate`.

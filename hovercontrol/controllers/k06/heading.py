@@ -2,7 +2,8 @@
 
 No smooth static feedback holds a heading (K06 proposition 2.3.4). Both controllers switch between two modes:
 ``stop`` (the wanted yaw rate is zero: with it the turn law is the stop law) and ``turn``, which is entered
-when the heading is off and the craft so calm that the turn law reaches its wanted limit point, (2.48).
+when the heading error is large and the kinetic energy so low that the turn law reaches its wanted limit
+point, (2.48).
 """
 
 from __future__ import annotations
@@ -101,7 +102,8 @@ def proportional_heading(
     """Return the controller that turns to a heading at a yaw rate in proportion to the error (K06 2.3.3).
 
     The turn is entered by (2.48) for the yaw rate wanted then; while it lasts, the yaw rate falls no further
-    than (2.67) allows. Small errors ask for more calm than a drifting craft has: a steady error remains.
+    than (2.67) allows. For small errors the energy of a drifting craft is too high to enter the turn, so a
+    steady error remains.
 
     Parameters
     ----------

@@ -1,8 +1,8 @@
 """K06's continuous laws on the body velocities (section 2.2): stop, forward, reverse, turn, and joins.
 
-Each returns the force that it asks of the craft, body frame: ``force_x`` along the bow, ``force_y`` to the
-left; the force acts at the rudder, an arm d behind the centre of mass. K06 writes momenta, here are
-velocities: P_X = m u, P_Y = m v, Pi = J r.
+Each returns a force in the body frame: ``force_x`` along the bow, ``force_y`` to the left; the force acts at
+the rudder, an arm d behind the centre of mass. K06 writes momenta; here velocities are used: P_X = m u,
+P_Y = m v, Pi = J r.
 """
 
 from __future__ import annotations
@@ -260,7 +260,7 @@ def both_ways(
     """Return :func:`drive`, and :func:`reverse` while the wanted surge is negative.
 
     (2.30) is stable near its motion only: halt before a change from ahead to astern. While it acts
-    `yaw_rate_ref` counts for nothing.
+    `yaw_rate_ref` is ignored.
 
     Parameters
     ----------

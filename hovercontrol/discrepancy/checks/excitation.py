@@ -102,7 +102,7 @@ def check_excitation(base: Fit, predicts_nothing: bool = False) -> list[str]:
     Raises
     ------
     InputError
-        If no coefficient is excited: the craft hardly moves.
+        If no coefficient is excited: motion and commands are nearly constant.
     """
     problem, linear = base.problem, set(base.problem.model.linear_coefficients())
     own = [j for j, name in enumerate(problem.names) if name in linear]
@@ -119,7 +119,7 @@ def check_excitation(base: Fit, predicts_nothing: bool = False) -> list[str]:
     if len(blind) == len(names) and not (predicts_nothing and any(moving)):
         logs = ", ".join(m.name for m in problem.logs)
         raise InputError(
-            f"{logs}: it excites no coefficient of the model: the craft or its commands hardly move"
+            f"{logs}: no coefficient of the model is excited: motion and commands are nearly constant"
         )
     directions = named_directions(unexcited_directions(C, size), size, names)
     used = [any(np.any(m.inputs[i] != 0.0) for m in problem.logs) for i in range(len(problem.block.inputs))]
@@ -153,7 +153,7 @@ def predicts_nothing(base: Fit) -> list[str]:
     if not ratios or float(np.median(ratios)) < EXCITATION.better:
         return []
     return [
-        f"the model does not predict the motion: {horizon:.2g} s ahead it is hardly better than that "
-        f"velocities stay; "
+        f"the model does not predict the motion: {horizon:.2g} s ahead it is hardly better than "
+        f"constant velocities; "
         "are model, commands and motion of the same craft and time?"
     ]

@@ -84,6 +84,7 @@ def challenged(search: Search, selection: Selection) -> Selection:
         now = confirmed(search, base, final, effects, counts)
         dropped += now.dropped
         rivals = [r for r in rivals if r.instead_of in now.own]
+        others = [(n, t) for n, t in others if n in now.own]
     return replace(
         selection,
         final=now.final,

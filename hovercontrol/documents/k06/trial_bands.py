@@ -65,7 +65,7 @@ ASKED: dict[str, tuple[Asked, ...]] = {
         Asked(("surge from 8 s, farthest from 1.1 m/s",), 0.0, 0.1, "m/s", "off 1.1 m/s from 8 s on"),
     ),
     "reverse": (
-        _as_printed("within 0.05 of -0.76 m/s", "time until -0.71 m/s, 0.05 from what is told"),
+        _as_printed("within 0.05 of -0.76 m/s", "time until -0.71 m/s, 0.05 from the reference"),
         Asked(("surge from 8 s, farthest from -0.76 m/s",), 0.0, 0.1, "m/s", "off -0.76 m/s from 8 s on"),
     ),
     "turn": (_as_printed("mean yaw rate", "yaw rate, mean"),),
