@@ -144,7 +144,8 @@ def test_a_log_with_gaps_is_accepted_with_one_line(call, tmp_path, option):
     assert done.returncode == 0, done.stderr
     said = [line for line in done.stderr.splitlines() if line.startswith("warning")]
     assert said == [
-        "warning: mine.csv: 2 gaps of 6.02 s at most, bridged by the model; the median interval between rows is 0.02 s"
+        "warning: mine.csv: 2 gaps of 6.02 s at most, bridged by the model; "
+        "the median interval between rows is 0.02 s"
     ]
     assert "free_run_mine.png" in {p.name for p in (tmp_path / "out").iterdir()}
     assert "--allow-gaps" not in call("identify", "--help", cwd=tmp_path).stdout

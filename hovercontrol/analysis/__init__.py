@@ -4,6 +4,7 @@ from hovercontrol.analysis.directions import Direction
 from hovercontrol.analysis.excitation import Excitation, FunctionSet, excitation, signals_of
 from hovercontrol.analysis.experiment_design import ExpectedErrors, ellipse_errors, expected_errors
 from hovercontrol.analysis.frequency import Bode, Nyquist, bode, nyquist
+from hovercontrol.analysis.intervals import clopper_pearson
 from hovercontrol.analysis.iss import (
     IssGain,
     iss_gain,
@@ -30,7 +31,7 @@ __all__ = [
     "Gramian", "SlidingGramian", "observability_gramian",
     "ExpectedErrors", "expected_errors", "ellipse_errors",
     "NormalForm", "normal_form", "LyapunovFunction", "lyapunov_function", "Decay", "decay", "fastest_beta",
-    "Axis", "axis", "Region", "mesh", "sweep_map",
+    "Axis", "axis", "Region", "mesh", "sweep_map", "clopper_pearson",
     "ZeroDynamics", "zero_dynamics", "predict",
     "IssGain", "iss_gain", "mismatch", "peak_gain", "lyapunov_gain", "simulated_errors",
     "Margins", "FrozenMargins", "OutsideModes", "loop_margins", "margins", "margins_along",

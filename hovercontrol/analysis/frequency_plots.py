@@ -129,7 +129,7 @@ def margins_figure(found: FrozenMargins) -> Figure:
     axes[1].legend(frameon=False)
     axes[2].plot(found.times, found["delay"], color=BLUE, label="constant")
     axes[2].plot(found.times, found["jitter"], "--", color=VERMILION, label="varying")
-    axes[2].set_ylabel("delay borne [s]")
+    axes[2].set_ylabel("delay margin [s]")
     axes[2].legend(frameon=False)
     axes[2].set_xlabel("time [s]")
     for axis in axes:

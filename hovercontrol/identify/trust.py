@@ -24,6 +24,7 @@ from hovercontrol.discrepancy.criteria import CRITERIA
 from hovercontrol.discrepancy.search.candidates import candidates
 from hovercontrol.discrepancy.search.fit import Search, Tried, try_effect
 from hovercontrol.discrepancy.search.score import Scored, Scores, at_its_time
+from hovercontrol.discrepancy.search.sets import singles
 from hovercontrol.effects import Effect
 from hovercontrol.estimation.fit import Fit, refit
 from hovercontrol.estimation.kalman import run_filter
@@ -187,16 +188,12 @@ def _tried(search: Search, fit: Fit, count: int) -> list[Tried]:
 def _worthy(fit: Fit) -> list[Scored]:
     """Return the candidates with sufficient gain on left-out blocks, each at its best trial, best first."""
     known = [c for c in candidates(fit) if _is_candidate(fit.problem, type(c.trial))]
-    scores = Scores(fit, known)
-    best: dict[str, tuple[float, Scored]] = {}
-    for i, candidate in enumerate(scores.tried):
-        gain = scores.left_out_gain(i)
-        if gain < CRITERIA.least + CRITERIA.each * max(len(candidate.amplitudes), 1):
-            continue
-        s = scores.of(i)
-        if s.allowed and (candidate.name not in best or gain > best[candidate.name][0]):
-            best[candidate.name] = gain, s
-    return [s for _, s in sorted(best.values(), key=lambda found: -found[0])]
+    found = singles(Scores(fit, known))
+    return [
+        one.members[0]
+        for one in found
+        if one.gain >= CRITERIA.least + CRITERIA.each * max(len(one.members[0].candidate.amplitudes), 1)
+    ]
 
 
 def _is_candidate(problem: Problem, cls: type[Effect]) -> bool:

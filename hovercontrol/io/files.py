@@ -258,7 +258,7 @@ def removed_at_last(temporary: Path) -> Iterator[Path]:
 
 
 def _own(path: Path) -> bool:
-    """Return whether a path belongs to this user and is no link: others may create names in shared folders."""
+    """Return whether a path belongs to this user and is no link: in shared folders others create names."""
     found = os.lstat(path)
     return not stat.S_ISLNK(found.st_mode) and (os.name == "nt" or found.st_uid == os.getuid())
 

@@ -211,7 +211,7 @@ def _drag(found: TableTwo, axes: Axes) -> None:
     for k, (label, said) in enumerate((("10-30 s", 0.10), ("40-60 s", 0.20))):
         axes.plot(found.factor, found.fitted[:, :, k].mean(axis=-1), LINES[k], marker=".", label=label)
         axes.axhline(said, color="0.6", linewidth=0.8)
-    axes.set(xlabel="factor on c1 to c6 of the craft", ylabel="mean error, controller nominal [m]")
+    axes.set(xlabel="factor on c1 to c6 of the craft [1]", ylabel="mean error, controller nominal [m]")
     axes.set_title("what fits the first two errors; grey: printed (0.10, almost 0.20 m)", fontsize=10)
     axes.legend(fontsize=8)
 

@@ -55,7 +55,7 @@ def main(out: Path, progress: Progress = quiet, *, points: int = 41) -> list[Pat
         )
         progress((k + 1) / len(PERIODS))
     axes.axvline(1000 * ROUND_TRIP, color="0.6", ls=":", label="mean round trip, table 5.1")
-    axes.set(xlabel="delay [ms]", ylabel="cost per sample", ylim=(0.0, 40.0))
+    axes.set(xlabel="delay [ms]", ylabel="cost per sample [1]", ylim=(0.0, 40.0))
     axes.set_title(f"K06's craft about {surge:g} m/s, optimal laws, white noise in u, v, r", fontsize=10)
     axes.legend(frameon=False, fontsize=8)
     return save(out, "k06_delay", figure, {"k06_delay": rows}, findings)

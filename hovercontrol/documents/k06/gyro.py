@@ -235,7 +235,7 @@ def _draw_readings(left: Axes, middle: Axes, sines: Mapping[str, Array], curve: 
             axes.plot(curve, line, color="black", ls=dash, label=f"{said}, {name}")
             axes.plot(frequency, known, mark, color="black", mfc=fill, ms=8, label=f"table 6.5, {name}")
             axes.plot(frequency, bench, "x", color="0.5", ms=9, label=f"bench, {name}")
-    left.set(xlabel="frequency [Hz]", ylabel="gain", ylim=(0.0, 2.0))
+    left.set(xlabel="frequency [Hz]", ylabel="gain [1]", ylim=(0.0, 2.0))
     left.set_title("Gain of the gyro's reading", fontsize=11)
     middle.set(xlabel="frequency [Hz]", ylabel="delay: phase over frequency [ms]", ylim=(0.0, None))
     middle.set_title("Delay of the gyro's reading", fontsize=11)

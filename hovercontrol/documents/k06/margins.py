@@ -114,7 +114,9 @@ def _draw_gains(axes: Axes, gains: Array, found: list[Margins]) -> None:
 def _draw_loss(axes: Axes, periods: Array, loss: Mapping[str, Array]) -> None:
     for (lost, critical), style in zip(loss.items(), ("k-", "k--", "C0-", "C0--"), strict=True):
         axes.plot(1000 * periods, critical, style, label=lost)
-    axes.set(xlabel="time between packets [ms]", ylabel="critical probability of corruption", ylim=(0.0, 1.0))
+    axes.set(
+        xlabel="time between packets [ms]", ylabel="critical probability of corruption [1]", ylim=(0.0, 1.0)
+    )
     axes.set_title("K06 forward law: stable in the mean square below", fontsize=10)
     axes.legend(frameon=False)
 

@@ -139,6 +139,6 @@ def _draw_halt(axes: Axes, tracks: dict[str, tuple[Array, Array]]) -> None:
     for which, (time, x) in enumerate(tracks.values()):
         axes.fill_between(time, x.min(axis=0), x.max(axis=0), color=f"C{which}", alpha=0.25, lw=0)
         axes.plot(time, x.mean(axis=0), color=f"C{which}")
-    axes.set(xlabel="time [s]", ylabel="way run from 1.1 m/s [m]")
+    axes.set(xlabel="time [s]", ylabel="distance run from 1.1 m/s [m]")
     axes.set_title("halt", fontsize=11)
     axes.grid(alpha=0.3)

@@ -188,7 +188,7 @@ def _draw_ratios(axes: Axes, found: Mapping[str, Table], seeds: int) -> None:
             [r.spread / r.printed.value for r in row.values()],
             fmt=MARKS[k], color="black", mfc=str(0.3 * k), ms=7, capsize=3, lw=1.0, label=column,
         )  # fmt: skip
-    axes.set(ylabel="rms error reproduced over table 6.7", yscale="log", ylim=(0.05, 2.0))
+    axes.set(ylabel="rms error reproduced over table 6.7 [1]", yscale="log", ylim=(0.05, 2.0))
     shown = ("0.05", "0.1", "0.2", "0.5", "0.7", "1", "1.3", "2")
     axes.set_yticks([float(text) for text in shown], shown)
     axes.set_title(f"Table 6.7: mean and spread over {seeds} seeds", fontsize=11)

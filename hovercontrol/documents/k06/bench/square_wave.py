@@ -203,7 +203,7 @@ def _draw_walks(axes: Axes, steps: Array, by_walk: Sequence[Errors], printed_q: 
     axes.axvline(INTEGRATED_Q1["heading.Q1[1,1]"], color="0.6", lw=0.8, ls=":", label="taken here")
     axes.set(
         xlabel="variance by which the filter lets the bias walk each tick, Q1[1,1] [rad^2/s^2]",
-        ylabel="error compensated over uncompensated", ylim=(0.0, 1.05),
+        ylabel="error compensated over uncompensated [1]", ylim=(0.0, 1.05),
     )  # fmt: skip
     axes.set_title("Table 6.6 by the filter's Q1: [0,0] times dt^2, [1,1] varied", fontsize=11)
     axes.legend(frameon=False, fontsize=9)
@@ -217,7 +217,7 @@ def _draw_varied(axes: Axes, found: Errors, varied: Mapping[str, Sequence[Errors
     for name, style in STYLES.items():
         axes.axvline(_ratio(found, name), color="black", ls=style, lw=1.0, label=f"{name}, as taken here")
         axes.axvline(_printed_ratio(name), color="0.6", ls=style, label=f"{name}, table 6.6")
-    axes.set(xlabel="error compensated over uncompensated", xlim=(0.0, 1.05), yticks=range(len(varied)))
+    axes.set(xlabel="error compensated over uncompensated [1]", xlim=(0.0, 1.05), yticks=range(len(varied)))
     axes.set_yticklabels(list(varied))
     axes.set_title("Table 6.6 by what K06 does not print", fontsize=11)
     axes.invert_yaxis()
