@@ -206,12 +206,16 @@ def table(found: Sequence[Row], reruns: Sequence[Rerun] = ()) -> str:
 
 
 def to_rerun(found: Sequence[Row], most: int) -> list[tuple[str, float, Planned, str]]:
-    """Return what to run again: of each rule and factor the cases with most decisions that turn."""
+    """Return what to run again: the rules with the largest share of decisions that turn, and these cases."""
+    turning = [
+        (sum(r.turns(factor) for r in own) / len(own), rule, factor)
+        for rule, own in by_rule(found).items()
+        for factor in FACTORS
+    ]
     todo = []
-    for rule, rows in by_rule(found).items():
-        for factor in FACTORS:
-            counts = Counter((r.case, r.found) for r in rows if r.turns(factor))
-            todo += [(rule, factor, case, before) for (case, before), _ in counts.most_common(most)]
+    for share, rule, factor in sorted(turning, key=lambda t: -t[0]):
+        counts = Counter((r.case, r.found) for r in found if kind(r.rule) == rule and r.turns(factor))
+        todo += [(rule, factor, case, before) for (case, before), _ in counts.most_common(most) if share]
     return todo
 
 

@@ -15,11 +15,11 @@ from hovercontrol.documents import all_items
 KEPT = Path(__file__).parents[1] / "pictures" / "reproduce"
 
 NAMES = {"c17": "C17, paper by Cabecinhas and others", "k06": "K06, thesis by Kulis"}
-BLIND = Path(__file__).parents[2] / "tests" / "discrepancy" / "blind" / "table.md"
+BLIND = Path(__file__).parents[2] / "tests" / "discrepancy" / "blind"
 
 
 def pages(into: Path) -> tuple[str, str]:
-    """Write a page for each document, and one for the blind test of diagnose."""
+    """Write a page for each document, and two for the blind test of diagnose."""
     count = 0
     for document, name in NAMES.items():
         items = json.loads((KEPT / f"{document}.json").read_text(encoding="utf-8"))["items"]
@@ -30,7 +30,16 @@ def pages(into: Path) -> tuple[str, str]:
         "# How often diagnose is right",
         "Logs are simulated with effects that `diagnose` does not know of. `python -m tests.discrepancy.table` writes "
         "this table.",
-        BLIND.read_text(encoding="utf-8"),
+        (BLIND / "table.md").read_text(encoding="utf-8"),
+    )
+    write(
+        into / "evidence" / "criteria.md",
+        "# How near decisions are to their limits",
+        "Each decision of `diagnose` compares a value with a limit. The table counts the decisions that would turn if the limit "
+        "were doubled or halved. This is a first-order sensitivity: it counts decisions, not verdicts, since a turned decision "
+        "may change what is tried next. For rules with turning decisions, cases were run again with the thresholds of the rule "
+        "doubled or halved.",
+        (BLIND / "criteria.md").read_text(encoding="utf-8"),
     )
     write(
         into / "evidence.md",
@@ -39,7 +48,8 @@ def pages(into: Path) -> tuple[str, str]:
         "printed numbers within a stated tolerance. Numbers that a parameter was fitted to are marked: they test nothing.",
         "- " + "\n- ".join(f"[{name}](evidence/{document}.md)" for document, name in NAMES.items()),
         "- [How often diagnose is right](evidence/blind.md)",
-        toctree([*(f"evidence/{document}" for document in NAMES), "evidence/blind"]),
+        "- [How near decisions are to their limits](evidence/criteria.md)",
+        toctree([*(f"evidence/{document}" for document in NAMES), "evidence/blind", "evidence/criteria"]),
     )
     return "evidence", f"{count} tables, figures and equations of the papers"
 
