@@ -361,5 +361,5 @@ def test_another_drag_needs_no_other_controller(rng):
 
 def test_friction_with_bristles_is_refused():
     numbers = {"stiffness": 300.0, "coulomb": 0.2, "static": 0.3}
-    with pytest.raises(InputError, match="has friction with the state 'lugre_u'"):
+    with pytest.raises(InputError, match="has friction with the internal state 'lugre_u'"):
         tracking_controller(c17_simulation().with_effects([effect("lugre_surge", **numbers)]))
