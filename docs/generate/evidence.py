@@ -37,8 +37,7 @@ def pages(into: Path) -> tuple[str, str]:
         "# How near decisions are to their limits",
         "Each decision of `diagnose` compares a value with a limit. The table counts the decisions that would turn if the limit "
         "were doubled or halved. This is a first-order sensitivity: it counts decisions, not verdicts, since a turned decision "
-        "may change what is tried next. For rules with turning decisions, cases were run again with the thresholds of the rule "
-        "doubled or halved.",
+        "may change what is tried next. The cases in the second table were run again with the thresholds of a rule changed.",
         (BLIND / "criteria.md").read_text(encoding="utf-8"),
     )
     write(
