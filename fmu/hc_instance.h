@@ -33,6 +33,9 @@ enum {
     HC_FAILED = 64
 };
 
+/* Of the discrete states in Event Mode; HC_AT_START: not yet, and initialization has just ended. */
+enum { HC_NOT_UPDATED = 0, HC_UPDATED = 1, HC_AT_START = 2 };
+
 /* Sets of them: what a call is allowed in. */
 enum {
     INITIALIZED = HC_EVENT | HC_CONTINUOUS_TIME | HC_STEP,
@@ -72,7 +75,7 @@ typedef struct {
     double earliest, latest, next_switch; /* the model is asked only for times in between, both included */
     double start_time, stop_time;         /* DBL_MAX: none */
     double rtol;
-    int updated; /* discrete states were updated in this Event Mode */
+    int updated; /* whether discrete states were updated in this Event Mode */
 
     hc_ticks ticks;    /* Model Exchange only: the solver has its own */
     hc_solver *solver; /* Co-Simulation only */

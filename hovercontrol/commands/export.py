@@ -58,13 +58,18 @@ def export(
     from hovercontrol.fmi.exporter.binaries import PLATFORMS, chosen_platforms
     from hovercontrol.fmi.exporter.export import export_fmu
     from hovercontrol.fmi.exporter.variables import Interface
+    from hovercontrol.io import output
+    from hovercontrol.io.plain_json import json_text
 
     if list_ and json:
-        given.show_list(dict(choices()), json)
+        listed = {c.name: {"title": c.title, "parts": list(c.parts)} for c in choices()}
+        output.write(json_text(listed))
         return 0
     if list_:
-        for name, text in choices():
-            print(f"{name:24} {text}")
+        for c in choices():
+            print(f"{c.name:24} {c.title}")
+            if c.parts:
+                print(f"{', '.join(c.parts)}{c.more} its parts")
         print("a model file or a scenario file (TOML), FILE.toml or FILE.toml:PART")
         print("a Block, BlockModel or Model of your own, FILE.py:NAME")
         print(f"{'platforms':24} {', '.join(PLATFORMS)}")
@@ -88,6 +93,7 @@ def export(
             stop=stop,
             step=step,
             description=chosen.text,
+            model_name=chosen.title,
             progress=report,
         )
     interface = Interface(chosen.block, friction)  # type: ignore[arg-type]

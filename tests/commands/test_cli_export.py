@@ -1,5 +1,6 @@
 """hovercontrol export as a new user meets it."""
 
+import json
 import re
 from importlib import resources
 
@@ -48,6 +49,15 @@ def test_the_list_can_be_exported(call):
     for name in ("table1 ", "table1:controller", "table2:plant", "four_fan", "x86_64-windows", "imu  "):
         assert name in done.stdout
     assert "sampled loop: C17 Table II" in done.stdout
+
+
+def test_the_list_as_json_has_names_as_keys(call):
+    listed = json.loads(call("export", "--list", "--json").stdout)
+    parts = ("plant", "reference", "controller", "estimator")
+    assert listed["table1"]["parts"] == [f"table1:{part}" for part in parts]
+        f"table1:{p}" for p in ("plant", "reference", "controller", "estimator")
+    ]
+    assert {"four_fan", "imu", "table2"} <= set(listed) and all("," not in key for key in listed)
 
 
 def test_help_shows_an_example(call):
