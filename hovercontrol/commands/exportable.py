@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
@@ -37,6 +37,7 @@ class Choice:
     title: str
     stop: float | None = None
     step: float | None = None
+    parts: tuple[Block, ...] = ()  # of a continuous loop
 
 
 def choose(name: str, params: Path | None = None) -> Choice:
@@ -143,6 +144,7 @@ def _part(scenario: Scenario, part: str) -> Choice:
 
 def _loop(scenario: Scenario) -> Choice:
     parts = loop_parts(scenario)
+    alone: tuple[Block, ...] = ()
     first = scenario.phases[0]
     if scenario.autopilot is not None:
         loop, values = real_loop(scenario, parts), real_parameters(scenario, first)
@@ -153,11 +155,18 @@ def _loop(scenario: Scenario) -> Choice:
     else:
         loop, values = interconnect([*parts.values()]), phase_parameters(scenario, first)
         text = f"Closed loop: {scenario.title}."
+        alone = tuple(_with_own(part, values) for part in parts.values())
     if len(scenario.phases) > 1:
         text += f" Parameters as in the first phase, {first.name!r}."
     name = re.sub(r"\W", "_", scenario.name, flags=re.ASCII)
     loop = loop.named(name if re.match(r"[A-Za-z_]", name) else f"loop_{name}")
-    return Choice(loop.with_values(values), text, scenario.name, scenario.end, scenario.step)
+    return Choice(loop.with_values(values), text, scenario.name, scenario.end, scenario.step, alone)
+
+
+def _with_own(part: Block, values: Mapping[str, float]) -> Block:
+    """Return a part with its own among the loop's parameter values."""
+    keys = {part.parameter_key(s.name) for s in part.parameters}
+    return part.with_values({key: value for key, value in values.items() if key in keys})
 
 
 def _nearest(name: str, known: Iterable[str]) -> str:

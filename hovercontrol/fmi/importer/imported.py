@@ -54,8 +54,8 @@ def load(
     timeout: float = 60.0,
     kind: Kind | None = None,
     strict: bool = True,
-) -> FmuSystem | FmuModel:
-    """Return an FMU (FMI 2.0 or 3.0) as a python-control system.
+) -> FmuSystem | FmuModel | control.InterconnectedSystem:
+    """Return an FMU (FMI 2.0 or 3.0), or a system of FMUs (.ssp), as a python-control system.
 
     One for Co-Simulation becomes a discrete-time :class:`FmuSystem`, whose state stays in the FMU; one for
     Model Exchange a continuous :class:`~hovercontrol.fmi.importer.model.FmuModel`, which can be linearised.
@@ -68,7 +68,7 @@ def load(
     Parameters
     ----------
     path : path
-        The ``.fmu`` file.
+        The ``.fmu`` file, or a ``.ssp`` file: its FMUs, connected by ``control.interconnect``.
     step : float, optional
         Communication step and ``dt`` [s] (default: the FMU's DefaultExperiment, else its
         fixedInternalStepSize, else a thousandth of the experiment's duration or 10 ms, with a warning).
@@ -88,7 +88,7 @@ def load(
 
     Returns
     -------
-    FmuSystem or FmuModel
+    FmuSystem or FmuModel, or control.InterconnectedSystem for a ``.ssp`` file
 
     Raises
     ------
@@ -110,6 +110,13 @@ def load(
     >>> loop = control.interconnect([plant, controller], outputs=["psi"])  # doctest: +SKIP
     """
     path = Path(path)
+    if path.suffix == ".ssp":
+        from hovercontrol.fmi.ssp import load_ssp
+
+        if name is not None or params is not None:
+            raise InputError(f"{path}: name and params are for one FMU; a system has its own")
+        options = {"step": step, "isolated": isolated, "timeout": timeout, "kind": kind, "strict": strict}
+        return load_ssp(path, load, **options)
     source = open_source(path, kind, strict)
     try:
         interface = source.interface
