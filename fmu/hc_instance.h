@@ -144,6 +144,9 @@ int hc_no_variable(hc_instance *c, const char *type, const unsigned *vr, size_t 
 int hc_partial_derivatives(hc_instance *c, int adjoint, const unsigned *unknown, size_t n_unknown,
                            const unsigned *known, size_t n_known, const double *seed, double *sensitivity);
 
+/* First derivatives of outputs by time, while inputs hold. */
+int hc_output_derivatives(hc_instance *c, const unsigned *vr, const int *order, size_t n, double *value);
+
 /* ---- Model Exchange ---- */
 
 enum { HC_STATES = 1, HC_DERIVATIVES = 2, HC_INPUTS = 3, HC_PARAMETERS = 4, HC_OUTPUTS = 5, HC_INDICATORS = 6 };

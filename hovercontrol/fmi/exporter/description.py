@@ -30,6 +30,7 @@ _ABILITIES: dict[tuple[int, str], dict[str, str]] = {
         "providesDirectionalDerivative": "true",
     },
     (2, "CoSimulation"): {
+        "maxOutputDerivativeOrder": "1",
         "canHandleVariableCommunicationStepSize": "true",
         "canGetAndSetFMUstate": "true",
         "canSerializeFMUstate": "true",
@@ -43,6 +44,7 @@ _ABILITIES: dict[tuple[int, str], dict[str, str]] = {
         "providesAdjointDerivatives": "true",
     },
     (3, "CoSimulation"): {
+        "maxOutputDerivativeOrder": "1",
         "canHandleVariableCommunicationStepSize": "true",
         "canGetAndSetFMUState": "true",
         "canSerializeFMUState": "true",
