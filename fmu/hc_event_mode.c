@@ -107,13 +107,22 @@ int hc_update_discrete_states(hc_instance *c, int *states_changed, double *next)
     if (hc_delays_next(c->delays) < *next)
         *next = hc_delays_next(c->delays);
 #endif
-    c->updated = 1;
+    c->updated = HC_UPDATED;
     return status;
 }
 
 int hc_leave_event_mode(hc_instance *c, unsigned state)
 {
-    if (!c->updated)
+    if (c->updated == HC_AT_START && c->kind == HC_MODEL_EXCHANGE) {
+        int changed;
+        double next;
+        hc_log_message(&c->log, HC_WARNING, c->function,
+                       "the discrete states were not updated after initialization, as FMI requires: they are updated "
+                       "now, and the importer does not learn the time of the next event");
+        if (hc_update_discrete_states(c, &changed, &next) != HC_DONE)
+            return HC_ERROR;
+    }
+    if (c->updated != HC_UPDATED)
         return hc_fail(c, "the discrete states must be updated first");
     if (c->kind == HC_MODEL_EXCHANGE && c->changed) { /* inputs set in this Event Mode */
         look_for_switch(c);

@@ -282,11 +282,7 @@ fmi2Status FMI2(SetRealInputDerivatives)(HC_REFERENCES, const fmi2Integer orders
 fmi2Status FMI2(GetRealOutputDerivatives)(HC_REFERENCES, const fmi2Integer orders[], fmi2Real values[])
 {
     ENTER_CS(GetRealOutputDerivatives, HC_STEP | ENDED);
-    (void)vr;
-    (void)n;
-    (void)orders;
-    (void)values;
-    return (fmi2Status)hc_not_supported(c, "derivatives of outputs by time");
+    return (fmi2Status)hc_output_derivatives(c, vr, orders, n, values);
 }
 
 fmi2Status FMI2(DoStep)(HC_ARGUMENTS, fmi2Real time, fmi2Real length, fmi2Boolean no_return)

@@ -103,14 +103,3 @@ fmi3Status FMI3(GetVariableDependencies)(HC_ARGUMENTS, fmi3ValueReference depend
     (void)n;
     return (fmi3Status)hc_not_supported(c, "dependencies per element; see modelDescription.xml");
 }
-
-fmi3Status FMI3(GetOutputDerivatives)(HC_REFERENCES, const fmi3Int32 orders[], fmi3Float64 values[], size_t n_values)
-{
-    ENTER(GetOutputDerivatives, HC_STEP | ENDED);
-    (void)vr;
-    (void)n;
-    (void)orders;
-    (void)values;
-    (void)n_values;
-    return (fmi3Status)hc_not_supported(c, "derivatives of outputs by time");
-}

@@ -139,3 +139,11 @@ fmi3Status FMI3(GetAdjointDerivative)(HC_PARTIAL_ARGUMENTS)
     ENTER(GetAdjointDerivative, COMPUTED);
     return partial_derivatives(c, 1, unknowns, n_unknowns, knowns, n_knowns, seed, n_seed, sensitivity, n_sensitivity);
 }
+
+fmi3Status FMI3(GetOutputDerivatives)(HC_REFERENCES, const fmi3Int32 orders[], fmi3Float64 values[], size_t n_values)
+{
+    ENTER(GetOutputDerivatives, HC_STEP | ENDED);
+    if (wrong_count(c, n, n_values))
+        return fmi3Error;
+    return (fmi3Status)hc_output_derivatives(c, vr, orders, n, values);
+}

@@ -226,7 +226,7 @@ int hc_exit_initialization(hc_instance *c)
 #endif
     if (hc_find_modes(c) != HC_OK)
         return hc_fail(c, "the forces at the start are not finite");
-    c->updated = 0;
+    c->updated = HC_AT_START;
     c->changed = 1;
     hc_ticks_start(&c->ticks, c->value[0]);
     if (c->model->n_ticks > 0 && c->solver && hc_tell_solver(c) != HC_OK)

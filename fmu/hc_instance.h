@@ -33,6 +33,9 @@ enum {
     HC_FAILED = 64
 };
 
+/* Of the discrete states in Event Mode; HC_AT_START: not yet, and initialization has just ended. */
+enum { HC_NOT_UPDATED = 0, HC_UPDATED = 1, HC_AT_START = 2 };
+
 /* Sets of states in which calls are allowed. */
 enum {
     INITIALIZED = HC_EVENT | HC_CONTINUOUS_TIME | HC_STEP,
@@ -72,7 +75,7 @@ typedef struct {
     double earliest, latest, next_switch; /* the model is evaluated only from earliest to latest */
     double start_time, stop_time;         /* DBL_MAX: none */
     double rtol;
-    int updated; /* discrete states were updated in this Event Mode */
+    int updated; /* whether discrete states were updated in this Event Mode */
 
     hc_ticks ticks;    /* Model Exchange only: the solver has its own */
     hc_solver *solver; /* Co-Simulation only */
@@ -141,6 +144,9 @@ int hc_no_variable(hc_instance *c, const char *type, const unsigned *vr, size_t 
  * numbers of knowns and unknowns. */
 int hc_partial_derivatives(hc_instance *c, int adjoint, const unsigned *unknown, size_t n_unknown,
                            const unsigned *known, size_t n_known, const double *seed, double *sensitivity);
+
+/* First derivatives of outputs by time, while inputs hold. */
+int hc_output_derivatives(hc_instance *c, const unsigned *vr, const int *order, size_t n, double *value);
 
 /* ---- Model Exchange ---- */
 

@@ -77,6 +77,6 @@ int hc_enter_event_mode(hc_instance *c)
         return hc_fail(c, "the instance was made with eventModeUsed = false");
     hc_read_states(c);
     c->state = HC_EVENT;
-    c->updated = 0;
+    c->updated = HC_NOT_UPDATED;
     return HC_DONE;
 }

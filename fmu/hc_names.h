@@ -50,6 +50,7 @@
 #define hc_tell_solver HC_NAME(hc_tell_solver)
 
 /* hc_partials.c */
+#define hc_output_derivatives HC_NAME(hc_output_derivatives)
 #define hc_partial_derivatives HC_NAME(hc_partial_derivatives)
 
 /* hc_model_exchange.c */

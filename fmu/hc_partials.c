@@ -1,6 +1,7 @@
 /* Products with the partial derivatives of a model. */
 #include "hc_instance_internal.h"
 
+#include <float.h>
 #include <string.h>
 
 /* Column of a known, row of an unknown; a state among the unknowns is the output equal to it. */
@@ -76,5 +77,50 @@ int hc_partial_derivatives(hc_instance *c, int adjoint, const unsigned *unknown,
     for (size_t i = 0; i < n_sensitivity; i++)
         if (!hc_is_finite(sensitivity[i]))
             return hc_discard(c, "a partial derivative is not finite at time %.17g", c->value[0]);
+    return HC_DONE;
+}
+
+/* y' = J x' + dy/dt, where inputs hold: J are the partial derivatives by the states; dy/dt, of what depends on time
+ * itself, is a central difference. */
+int hc_output_derivatives(hc_instance *c, const unsigned *vr, const int *order, size_t n, double *value)
+{
+    const hc_model_type *m = c->model;
+    const int moving = (int)hc_n_continuous(c);
+    const double t = hc_instance_time(c), h = cbrt(DBL_EPSILON) * fmax(1.0, fabs(t));
+    /* on this side of a switch by the clock */
+    const double from = c->solver ? fmax(t - h, c->solver->earliest) : t - h;
+    const double to = c->solver ? fmin(t + h, c->solver->latest) : t + h;
+    double *const moved = c->product;
+    if (hc_no_null(c, vr, "valueReferences", n) || hc_no_null(c, order, "orders", n) ||
+        hc_no_null(c, value, "values", n))
+        return HC_ERROR;
+    for (size_t k = 0; k < n; k++) {
+        const int kind = hc_kind_of(c, vr[k]);
+        if (order[k] != 1)
+            return hc_fail(c, "a derivative of order %d; there are those of order 1", order[k]);
+        if (kind != STATE && kind != OUTPUT)
+            return hc_fail_at(c, vr[k], "is not an output");
+    }
+    hc_evaluate(c, DERIVATIVE);
+    if (!(c->valid & VALID_PARTIALS) && m->n_partials > 0)
+        m->partials(t, c->x, c->in, c->p, c->mode, c->partial);
+    c->valid |= VALID_PARTIALS;
+    for (size_t k = 0; k < n; k++) {
+        const unsigned place = vr[k] - c->first[hc_kind_of(c, vr[k])];
+        if (hc_kind_of(c, vr[k]) == STATE) {
+            value[k] = (int)place < moving ? c->dx[place] : 0.0;
+            continue;
+        }
+        m->outputs(to, c->x, c->in, c->p, c->mode, moved);
+        value[k] = moved[place];
+        m->outputs(from, c->x, c->in, c->p, c->mode, moved);
+        value[k] = to > from ? (value[k] - moved[place]) / (to - from) : 0.0;
+        for (int i = 0; i < m->n_partials; i++)
+            if (m->partial_row[i] == (unsigned)m->n_states + place && m->partial_column[i] < moving)
+                value[k] += c->partial[i] * c->dx[m->partial_column[i]];
+    }
+    for (size_t k = 0; k < n; k++)
+        if (!hc_is_finite(value[k]))
+            return hc_discard(c, "a derivative of an output is not finite at time %.17g", c->value[0]);
     return HC_DONE;
 }

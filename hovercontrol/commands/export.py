@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from hovercontrol.commands import given, names
 from hovercontrol.errors import InputError, one_line
+
+if TYPE_CHECKING:
+    from hovercontrol.commands.exportable import Choice
 
 EXAMPLE = "Example: hovercontrol export table1:plant -o plant.fmu --platforms x86_64-linux,x86_64-windows"
 
@@ -26,9 +29,15 @@ def export(
     ] = "",
     params: given.Params = None,
     out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="FMU file to write (default: out/NAME.fmu).")
+        Path | None,
+        typer.Option(
+            "--out", "-o", help="FMU file to write (default: out/NAME.fmu); NAME.ssp: a loop's parts as FMUs."
+        ),
     ] = None,
-    fmi: Annotated[int, typer.Option(help="FMI version: 2 or 3.", autocompletion=names.of("2", "3"))] = 3,
+    fmi: Annotated[
+        int | None,
+        typer.Option(help="FMI version: 2 or 3 (default: 3, of a .ssp 2)", autocompletion=names.of("2", "3")),
+    ] = None,
     platforms: Annotated[
         str | None,
         typer.Option(
@@ -58,13 +67,18 @@ def export(
     from hovercontrol.fmi.exporter.binaries import PLATFORMS, chosen_platforms
     from hovercontrol.fmi.exporter.export import export_fmu
     from hovercontrol.fmi.exporter.variables import Interface
+    from hovercontrol.io import output
+    from hovercontrol.io.plain_json import json_text
 
     if list_ and json:
-        given.show_list(dict(choices()), json)
+        listed = {c.name: {"title": c.title, "parts": list(c.parts)} for c in choices()}
+        output.write(json_text(listed))
         return 0
     if list_:
-        for name, text in choices():
-            print(f"{name:24} {text}")
+        for c in choices():
+            print(f"{c.name:24} {c.title}")
+            if c.parts:
+                print(f"{', '.join(c.parts)}{c.more} its parts")
         print("a model file or a scenario file (TOML), FILE.toml or FILE.toml:PART")
         print("a Block, BlockModel or Model of your own, FILE.py:NAME")
         print(f"{'platforms':24} {', '.join(PLATFORMS)}")
@@ -76,6 +90,9 @@ def export(
     wanted = chosen_platforms(platforms)
     chosen = choose(block, params)
     out = out or Path("out") / f"{chosen.block.name}.fmu"
+    fmi = fmi if fmi is not None else 2 if out.suffix == ".ssp" else 3
+    if out.suffix == ".ssp":
+        return _system(chosen, out, fmi, platforms, (step, stop), json)
     stop, step = chosen.stop if stop is None else stop, chosen.step if step is None else step
     with given.progress_bar(f"export {one_line(block, 60)}", 1.0) as report:
         path: Path = as_user(
@@ -88,6 +105,7 @@ def export(
             stop=stop,
             step=step,
             description=chosen.text,
+            model_name=chosen.title,
             progress=report,
         )
     interface = Interface(chosen.block, friction)  # type: ignore[arg-type]
@@ -111,4 +129,32 @@ def export(
         f"{', '.join(p.name for p in wanted)}; {len(interface.variables)} variables "
         f"({counts}, {len(interface.outputs)} outputs)"
     )
+    return 0
+
+
+def _system(
+    chosen: Choice,
+    out: Path,
+    fmi: int,
+    platforms: str | None,
+    times: tuple[float | None, float | None],
+    json: bool,
+) -> int:
+    """Write the parts of a loop as a system of FMUs."""
+    from hovercontrol.core.boundary import as_user
+    from hovercontrol.fmi.ssp import export_ssp
+
+    step, stop = (
+        own if given is None else given for given, own in zip(times, (chosen.step, chosen.stop), strict=True)
+    )
+    if not chosen.parts:
+        raise InputError(f"{out}: a system is written of a continuous scenario's loop, such as table1")
+    experiment = {k: v for k, v in (("step", step), ("stop", stop)) if v is not None}
+    parts, title = list(chosen.parts), chosen.title
+    path: Path = as_user(export_ssp, parts, out, name=title, version=fmi, platforms=platforms, **experiment)
+    if json:
+        content = {"name": title, "fmi": fmi, "parts": [p.name for p in parts], "bytes": path.stat().st_size}
+        given.show("", [path], path.parent, content)
+        return 0
+    print(f"wrote {path}: {len(parts)} FMUs of FMI {fmi}.0 ({', '.join(p.name for p in parts)}), connected")
     return 0

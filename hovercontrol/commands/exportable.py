@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
@@ -27,12 +27,17 @@ NEAREST = 5
 
 @dataclass(frozen=True)
 class Choice:
-    """A Block to export, its description, and the stop time of its default experiment [s], if known."""
+    """A Block to export, its description, and the stop time of its default experiment [s], if known.
+
+    ``title`` is what tools show as the model's name: the craft of a plant, the scenario of a loop.
+    """
 
     block: Block
     text: str
+    title: str
     stop: float | None = None
     step: float | None = None
+    parts: tuple[Block, ...] = ()  # of a continuous loop
 
 
 def choose(name: str, params: Path | None = None) -> Choice:
@@ -71,45 +76,56 @@ def choose(name: str, params: Path | None = None) -> Choice:
         raise InputError(f"unknown scenario {whole!r} in {name!r}{_nearest(whole, scenario_names())}")
     if whole.endswith(".toml") and not colon and "scenario" not in read_toml(whole):
         model = load_model(whole)
-        return Choice(model.plant(), f"The plant of {model.name}, from a model file.")
+        return Choice(model.plant(), f"The plant of {model.name}, from a model file.", model.name)
     if whole.endswith(".toml") or whole in scenario_names():
         scenario = load_scenario(whole)
         return _part(scenario, part) if colon else _loop(scenario)
     if name in VEHICLES:
-        return Choice(vehicle(name).plant(), f"The plant of {name}.")
+        return Choice(vehicle(name).plant(), f"The plant of {name}.", name)
     from hovercontrol.commands.exportable_parts import PARTS  # not needed by all else
 
     if name not in PARTS:
         raise InputError(f"unknown block {name!r}{_nearest(name, [*scenario_names(), *VEHICLES, *PARTS])}")
     text = PARTS[name].says
-    return _ticking(PARTS[name].block(name), f"{text[0].upper()}{text[1:]}.")
+    return _ticking(PARTS[name].block(name), f"{text[0].upper()}{text[1:]}.", name)
 
 
-def choices() -> list[tuple[str, str]]:
-    """Return the names and descriptions of the package's Blocks."""
+@dataclass(frozen=True)
+class Listed:
+    """What can be exported by a name: its title, and the names of its parts."""
+
+    name: str
+    title: str
+    parts: tuple[str, ...] = ()
+    more: str = ""  # about further parts
+
+
+def choices() -> list[Listed]:
+    """Return the package's Blocks: names, titles and parts."""
     from hovercontrol.commands.exportable_parts import PARTS
 
     found = []
     for name in scenario_names():
         scenario = load_scenario(name)
-        parts = ", ".join(f"{name}:{part}" for part in loop_parts(scenario))
+        parts = tuple(f"{name}:{part}" for part in loop_parts(scenario))
+        more = ""
         if scenario.autopilot is not None:
-            parts += f", and the autopilot's, as {name}:imu, {name}:pilot, {name}:rudder_servo"
+            more = f", and the autopilot's, as {name}:imu, {name}:pilot, {name}:rudder_servo"
         kind = "closed loop" if scenario.sampling is None else "sampled loop"
         kind = kind if scenario.autopilot is None else "real loop beside the ideal one"
-        found += [(name, f"{kind}: {scenario.title}"), (parts, "its parts")]
-    found += [(name, "plant") for name in VEHICLES]
-    return found + [(name, f"part: {part.says}") for name, part in PARTS.items()]
+        found.append(Listed(name, f"{kind}: {scenario.title}", parts, more))
+    found += [Listed(name, "plant") for name in VEHICLES]
+    return found + [Listed(name, f"part: {part.says}") for name, part in PARTS.items()]
 
 
 def _own(name: str, found: AnyModel) -> Choice:
     block = found if isinstance(found, Block) else found.plant()
     file, _, own = name.rpartition(":") if ":" in name else (name, "", block.name)
-    return _ticking(block, f"{own} of {Path(file).name}.")
+    return _ticking(block, f"{own} of {Path(file).name}.", own)
 
 
-def _ticking(block: Block, text: str) -> Choice:
-    return Choice(block, text, step=block.period or None)
+def _ticking(block: Block, text: str, title: str) -> Choice:
+    return Choice(block, text, title, step=block.period or None)
 
 
 def _part(scenario: Scenario, part: str) -> Choice:
@@ -121,11 +137,14 @@ def _part(scenario: Scenario, part: str) -> Choice:
     if part not in parts:
         raise InputError(f"{scenario.name} has no part {part!r}{_nearest(part, parts)}")
     block = parts[part]
-    return Choice(block, f"The {part} of: {scenario.title}.", scenario.end, block.period or scenario.step)
+    title = scenario.plant.name if part == "plant" else f"{part} of {scenario.name}"
+    step = block.period or scenario.step
+    return Choice(block, f"The {part} of: {scenario.title}.", title, scenario.end, step)
 
 
 def _loop(scenario: Scenario) -> Choice:
     parts = loop_parts(scenario)
+    alone: tuple[Block, ...] = ()
     first = scenario.phases[0]
     if scenario.autopilot is not None:
         loop, values = real_loop(scenario, parts), real_parameters(scenario, first)
@@ -136,11 +155,18 @@ def _loop(scenario: Scenario) -> Choice:
     else:
         loop, values = interconnect([*parts.values()]), phase_parameters(scenario, first)
         text = f"Closed loop: {scenario.title}."
+        alone = tuple(_with_own(part, values) for part in parts.values())
     if len(scenario.phases) > 1:
         text += f" Parameters as in the first phase, {first.name!r}."
     name = re.sub(r"\W", "_", scenario.name, flags=re.ASCII)
     loop = loop.named(name if re.match(r"[A-Za-z_]", name) else f"loop_{name}")
-    return Choice(loop.with_values(values), text, scenario.end, scenario.step)
+    return Choice(loop.with_values(values), text, scenario.name, scenario.end, scenario.step, alone)
+
+
+def _with_own(part: Block, values: Mapping[str, float]) -> Block:
+    """Return a part with its own among the loop's parameter values."""
+    keys = {part.parameter_key(s.name) for s in part.parameters}
+    return part.with_values({key: value for key, value in values.items() if key in keys})
 
 
 def _nearest(name: str, known: Iterable[str]) -> str:

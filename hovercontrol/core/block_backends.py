@@ -241,6 +241,7 @@ class Backends:
         stop: float | None = None,
         rtol: float = 1e-6,
         atol: float = 1e-9,
+        model_name: str = "",
         progress: Callable[[float], None] | None = None,
     ) -> Path:
         """Write the Block as an FMU, Model Exchange and Co-Simulation in one file.
@@ -252,7 +253,7 @@ class Backends:
         ----------
         path : path
             Ends in ``.fmu``.
-        version, platforms, friction, step, stop, rtol, atol, progress
+        version, platforms, friction, step, stop, rtol, atol, model_name, progress
             As for :func:`hovercontrol.fmi.exporter.export.export_fmu`.
         """
         from hovercontrol.fmi.exporter.export import export_fmu
@@ -267,6 +268,7 @@ class Backends:
             stop=stop,
             rtol=rtol,
             atol=atol,
+            model_name=model_name,
             progress=progress,
         )
 

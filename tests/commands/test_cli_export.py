@@ -1,6 +1,8 @@
 """hovercontrol export as a new user meets it."""
 
+import json
 import re
+import zipfile
 from importlib import resources
 
 import fmpy
@@ -50,8 +52,20 @@ def test_the_list_can_be_exported(call):
     assert "sampled loop: C17 Table II" in done.stdout
 
 
-def test_help_shows_an_example(call):
-    assert "Example: hovercontrol export table1:plant" in " ".join(call("export", "--help").stdout.split())
+def test_the_list_as_json_has_names_as_keys(call):
+    listed = json.loads(call("export", "--list", "--json").stdout)
+    parts = ("plant", "reference", "controller", "estimator")
+    assert listed["table1"]["parts"] == [f"table1:{part}" for part in parts]
+    assert {"four_fan", "imu", "table2"} <= set(listed) and all("," not in key for key in listed)
+
+
+def test_a_loop_is_written_as_a_system_of_fmus(call, tmp_path):
+    done = call("export", "table1", "-o", "loop.ssp", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "4 FMUs of FMI 2.0 (plant, reference, controller, estimator)" in done.stdout
+    assert "SystemStructure.ssd" in zipfile.ZipFile(tmp_path / "loop.ssp").namelist()
+    done = call("export", "imu", "-o", "loop.ssp", cwd=tmp_path)
+    assert done.returncode == 2 and "continuous scenario" in done.stderr
 
 
 @pytest.mark.parametrize(

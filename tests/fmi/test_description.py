@@ -4,10 +4,13 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import fmpy
+import numpy as np
 import pytest
 from fmpy.validation import validate_fmu
 from lxml import etree
 
+from hovercontrol.commands.exportable import choose
+from hovercontrol.commands.exportable_parts import PARTS
 from hovercontrol.fmi.exporter.description import Experiment, model_description
 from hovercontrol.fmi.exporter.terminals import terminals
 from hovercontrol.fmi.exporter.variables import Interface
@@ -111,6 +114,36 @@ def test_terminals_of_parts_that_belong_together_have_one_name():
     assert found("plant") == {"command", "pose", "velocity"}
     assert found("controller") >= found("plant") | {"reference", "estimate", "tracking_error"}
     assert found("waypoints") == {"reference"}
+
+
+@pytest.mark.parametrize(
+    ("part", "expected"), [("imu", {"measurement", "velocity"}), ("rudder_servo", {"command", "command_out"})]
+)
+def test_what_sensors_measure_is_no_command(part, expected):
+    document = etree.fromstring(terminals(Interface(choose(part).block)))
+    assert {t.get("name").removesuffix("_out") for t in document.iter("Terminal")} == {
+        e.removesuffix("_out") for e in expected
+    }
+
+
+def test_range_filter_has_no_terminal_of_commands():
+    assert 'name="command' not in terminals(Interface(choose("range_filter").block)).decode()
+
+
+def test_the_model_is_named_after_the_craft(tmp_path):
+    choice = choose("four_fan")
+    file = choice.block.to_fmu(tmp_path / "x.fmu", model_name=choice.title)
+    assert fmpy.read_model_description(file).modelName == "four_fan"
+    assert choose("table1:plant").title == "c17_simulation"
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_outputs_of_every_part_are_finite_at_its_start_values(part):
+    block = choose(part).block
+    values = block.in_continuous_time.to_numpy().outputs(
+        0.0, [s.start for s in block.in_continuous_time.states], [s.start for s in block.inputs]
+    )
+    assert np.isfinite(values).all()
 
 
 @pytest.mark.parametrize("name", BLOCKS)

@@ -41,7 +41,7 @@ def test_a_name_with_dots_is_refused(probe, name):
 @pytest.mark.parametrize("fmi", [2, 3])
 def test_an_fmu_for_other_uses_or_platforms_is_refused(fmu, library, tmp_path, fmi):
     with pytest.raises(InputError, match="is an FMU for Model Exchange only; expected one for Co-Simulation"):
-        load(fmu(fmi, kind="ModelExchange"))
+        load(fmu(fmi, kind="ModelExchange"), kind="CoSimulation")
     path = tmp_path / "other.fmu"
     with zipfile.ZipFile(path, "w") as archive:
         archive.writestr("modelDescription.xml", description(fmi))

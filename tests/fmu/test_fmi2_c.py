@@ -152,10 +152,7 @@ def test_status_after_a_step(built):
     ("call", "words"),
     [
         (lambda i: i.fmi2SetRealInputDerivatives(i.component, None, 0, None, None), "derivatives of inputs"),
-        (
-            lambda i: i.fmi2GetRealOutputDerivatives(i.component, None, 0, None, None),
-            "derivatives of outputs",
-        ),
+        (lambda i: i.getRealOutputDerivatives([1], [2]), "order 2"),
         (lambda i: i.getBoolean([1]), "state lag.q (value reference 1) is no Boolean"),
         (lambda i: i.setInteger([1], [1]), "no Integer"),
         (lambda i: i.getString([88]), "unknown value reference 88"),

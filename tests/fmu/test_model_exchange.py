@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from .fmi_support import CS, ME, integrate, march, sticking, vector
+from .fmi_support import CS, ME, WARNING, integrate, march, sticking, vector
 from .test_friction import exact
 
 VERSIONS = pytest.mark.parametrize("version", [2, 3])
@@ -34,6 +34,22 @@ def test_axes_stick_and_slip_under_cvode_as_in_co_simulation(fmu, version):
     assert events < 500
     model.close()
     slave.close()
+
+
+@VERSIONS
+def test_an_importer_that_skips_the_first_event_update_gets_a_warning(fmu, version):
+    """FMI wants the discrete states updated after initialization; pathsim-fmi 0.1.1 does not."""
+    model, proper = fmu("driven", version).open(ME), fmu("driven", version).open(ME).start()
+    model.enter_initialization()
+    model.exitInitializationMode()
+    model.enterContinuousTimeMode()
+    assert model.messages[-1][:2] == (WARNING, "logStatusWarning") and "updated" in model.last
+    found, expected = np.zeros(1), np.zeros(1)
+    model.derivatives(vector(found), 1)
+    proper.derivatives(vector(expected), 1)
+    assert found == expected
+    model.close()
+    proper.close()
 
 
 @VERSIONS

@@ -30,6 +30,7 @@ _ABILITIES: dict[tuple[int, str], dict[str, str]] = {
         "providesDirectionalDerivative": "true",
     },
     (2, "CoSimulation"): {
+        "maxOutputDerivativeOrder": "1",
         "canHandleVariableCommunicationStepSize": "true",
         "canGetAndSetFMUstate": "true",
         "canSerializeFMUstate": "true",
@@ -43,6 +44,7 @@ _ABILITIES: dict[tuple[int, str], dict[str, str]] = {
         "providesAdjointDerivatives": "true",
     },
     (3, "CoSimulation"): {
+        "maxOutputDerivativeOrder": "1",
         "canHandleVariableCommunicationStepSize": "true",
         "canGetAndSetFMUState": "true",
         "canSerializeFMUState": "true",
@@ -70,6 +72,7 @@ def model_description(
     experiment: Experiment,
     text: str,
     source_files: Iterable[str] = (),
+    model_name: str = "",
 ) -> bytes:
     """Return ``modelDescription.xml``.
 
@@ -82,9 +85,11 @@ def model_description(
         Description of the model, one sentence.
     source_files : iterable of str, optional
         Files to compile; FMI 2 lists them here, FMI 3 in ``buildDescription.xml``.
+    model_name : str, optional
+        What tools show as the model's name (default: the Block's).
     """
     root = Element("fmiModelDescription", fmiVersion="2.0" if version == 2 else "3.0")
-    root.set("modelName", interface.block.name)
+    root.set("modelName", model_name or interface.block.name)
     root.set("guid" if version == 2 else "instantiationToken", token)
     root.set("description", text)
     root.set("generationTool", f"hovercontrol {hovercontrol.__version__}")

@@ -44,6 +44,7 @@ def export_fmu(
     rtol: float = 1e-6,
     atol: float = 1e-9,
     description: str = "",
+    model_name: str = "",
     progress: Callable[[float], None] | None = None,
 ) -> Path:
     """Write a Block as an FMU; ``block.to_fmu(path)`` does the same.
@@ -71,6 +72,8 @@ def export_fmu(
         :data:`FINER`.
     description : str, optional
         What the model is, in a sentence.
+    model_name : str, optional
+        What tools show as the model's name (default: the Block's name). Files keep the Block's name.
     progress : callable, optional
         Called with the completed fraction, 0 to 1.
 
@@ -111,7 +114,7 @@ def export_fmu(
         binary = build_binary(interface.identifier, sources, p)
         files[f"binaries/{folder_of(p, version)}/{interface.identifier}{p.suffix}"] = binary
         report(0.1 + 0.8 * k / len(wanted))
-    content = packed(files | _content(interface, version, sources, experiment, atol, description))
+    content = packed(files | _content(interface, version, sources, experiment, atol, description, model_name))
     return write_atomically(target, lambda temporary: temporary.write_bytes(content))
 
 
@@ -144,6 +147,7 @@ def _content(
     experiment: Experiment,
     atol: float,
     text: str,
+    model_name: str,
 ) -> dict[str, bytes]:
     """Return all files of an FMU by path, without its binaries."""
     name, token = interface.identifier, token_of(interface, sources)
@@ -152,7 +156,9 @@ def _content(
     assets = resources.files("hovercontrol.fmi.exporter") / "assets"
     icon = (assets / "icon.svg").read_text(encoding="utf-8")
     files = {f"sources/{file}": content.encode() for file, content in sources.items()}
-    files["modelDescription.xml"] = model_description(interface, version, token, experiment, text, compiled)
+    files["modelDescription.xml"] = model_description(
+        interface, version, token, experiment, text, compiled, model_name
+    )
     trajectory = _reference(interface, token, experiment, atol)
     files |= {f"documentation/{file}": content for file, content in trajectory.items()}
     page = documentation(interface, version, token, experiment, text, icon, trajectory)

@@ -2,25 +2,39 @@
 
 from __future__ import annotations
 
+import re
 from xml.etree.ElementTree import Element, SubElement
 
 from hovercontrol.fmi.exporter.description import xml_bytes
 from hovercontrol.fmi.exporter.variables import Interface, Variable
 
-#: Terminals by the names of their members; what is not here goes by its ending or is a command.
-_GROUPS = {
-    "pose": ("x", "y", "psi"),
-    "velocity": ("u", "v", "r"),
-    "tracking_error": ("error_x", "error_y"),
+#: Terminals by patterns of their members' names, the first that fits.
+_PATTERNS = {
+    "pose": r"x|y|psi",
+    "velocity": r"u|v|r",
+    "tracking_error": r"error_[xy]",
+    "reference": r".*_ref",
+    "link": r".*_received|(uplink|downlink|link)_.*",
+    "estimate": r".*_(hat|ins|seen)|xhat\[.*|(P|P\d)\[.*|.*_innovation(_variance)?|solved.*|previous_.*",
+    "measurement": (
+        r"(specific_force|acceleration|magnetic|fix|range|heading_(fix|aid|magnetic)|yaw_rate|gyro)(_.*)?"
+        r"|.*_(measured|heard|valid|fix)"
+    ),
+    "command": (
+        r"(thrust|rudder|force_[xy]|force_angle|fan_speed|servo|rudder_angle|blade_pitch|drive_mode)(_.*)?"
+        r"|.*_(command|wanted|set|clipped|outside)|(rear|front)_(left|right)"
+    ),
 }
-_ENDINGS = {"_ref": "reference", "_hat": "estimate"}
 _TEXTS = {
     "pose": "position and heading in the earth frame",
     "velocity": "surge, sway and yaw rate in the body frame",
     "tracking_error": "position minus its reference",
     "reference": "reference of the craft",
-    "estimate": "estimated coefficients",
-    "command": "commands to the actuators",
+    "link": "what a radio link delivers, and how it does",
+    "estimate": "estimated states and coefficients",
+    "measurement": "what sensors measure",
+    "command": "commands to the actuators, and what the actuators do",
+    "signals": "other signals",
 }
 
 
@@ -50,8 +64,5 @@ def terminals(interface: Interface) -> bytes:
 
 
 def _group(name: str) -> str:
-    for group, members in _GROUPS.items():
-        if name in members:
-            return group
-    endings = (group for ending, group in _ENDINGS.items() if name.endswith(ending))
-    return next(endings, "command")
+    fitting = (group for group, pattern in _PATTERNS.items() if re.fullmatch(pattern, name))
+    return next(fitting, "signals")

@@ -23,7 +23,7 @@ from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
 from hovercontrol.fmi.importer.follow import Follower, Parameters
 from hovercontrol.fmi.importer.instance import Engine, FmuError, Instance
-from hovercontrol.fmi.importer.interface import Interface
+from hovercontrol.fmi.importer.interface import Interface, Kind
 from hovercontrol.fmi.importer.unpacked import Source, Unpacked, digest_of, open_source
 from hovercontrol.fmi.importer.values import (
     InputCheck,
@@ -37,6 +37,7 @@ from hovercontrol.simulation.runner import Inputs
 from hovercontrol.targets.control import _Params
 
 if TYPE_CHECKING:
+    from hovercontrol.fmi.importer.model import FmuModel
     from hovercontrol.fmi.importer.runner import FmuRunner
 
 Array = NDArray[np.float64]
@@ -51,8 +52,13 @@ def load(
     params: Mapping[str, float | bool] | None = None,
     isolated: bool = False,
     timeout: float = 60.0,
-) -> FmuSystem:
-    """Return an FMU for Co-Simulation (FMI 2.0 or 3.0) as a discrete-time python-control system.
+    kind: Kind | None = None,
+    strict: bool = True,
+) -> FmuSystem | FmuModel | control.InterconnectedSystem:
+    """Return an FMU (FMI 2.0 or 3.0), or a system of FMUs (.ssp), as a python-control system.
+
+    One for Co-Simulation becomes a discrete-time :class:`FmuSystem`, whose state stays in the FMU; one for
+    Model Exchange a continuous :class:`~hovercontrol.fmi.importer.model.FmuModel`, which can be linearised.
 
     **An FMU is a program.** Its binary runs with the rights of the user who loads it: it can read, write and
     send what that user can. Load FMUs only from people whose programs you would run. The archive is checked
@@ -62,7 +68,7 @@ def load(
     Parameters
     ----------
     path : path
-        The ``.fmu`` file.
+        The ``.fmu`` file, or a ``.ssp`` file: its FMUs, connected by ``control.interconnect``.
     step : float, optional
         Communication step and ``dt`` [s] (default: the FMU's DefaultExperiment, else its
         fixedInternalStepSize, else a thousandth of the experiment's duration or 10 ms, with a warning).
@@ -74,23 +80,29 @@ def load(
         Run the FMU in a separate process, so that its crash, exit or hang is an error here.
     timeout : float, optional
         Longest wait for one call into an isolated FMU [s]; then its process is ended.
+    kind : {"CoSimulation", "ModelExchange"}, optional
+        Which part of the FMU (default: Co-Simulation if it has both).
+    strict : bool, optional
+        Whether an FMU whose description breaks the standard is refused (the default). If not, the findings
+        are a warning and the FMU is used as other tools do.
 
     Returns
     -------
-    FmuSystem
+    FmuSystem or FmuModel, or control.InterconnectedSystem for a ``.ssp`` file
 
     Raises
     ------
     InputError
-        If the file is not an archive or unsafe, the FMU is not for Co-Simulation of FMI 2.0 or 3.0 or has no
-        binary for this platform, its description breaks the standard, its binary cannot be loaded, or `step`,
-        `name` or `params` do not fit it.
+        If the file is not an archive or unsafe, the FMU is not of FMI 2.0 or 3.0, is not of that kind or has
+        no binary for this platform, its description breaks the standard, its binary cannot be loaded, or an
+        argument does not fit it (Model Exchange has no `step` and is not isolated).
 
     Warns
     -----
     UserWarning
         If inputs or outputs are left out because they are not numbers (String, Binary, Clock) or clocked, or
-        the FMU has no step size.
+        the FMU has no step size. If findings are tolerated (`strict`). If an FMU for Model Exchange has time
+        events, which python-control's simulations do not pass.
 
     Examples
     --------
@@ -98,12 +110,24 @@ def load(
     >>> loop = control.interconnect([plant, controller], outputs=["psi"])  # doctest: +SKIP
     """
     path = Path(path)
-    source = open_source(path)
+    if path.suffix == ".ssp":
+        from hovercontrol.fmi.ssp import load_ssp
+
+        if name is not None or params is not None:
+            raise InputError(f"{path}: name and params are for one FMU; a system has its own")
+        options = {"step": step, "isolated": isolated, "timeout": timeout, "kind": kind, "strict": strict}
+        return load_ssp(path, load, **options)
+    source = open_source(path, kind, strict)
     try:
         interface = source.interface
+        if interface.findings:
+            text = "; ".join(" ".join(finding.split()) for finding in interface.findings)
+            warnings.warn(f"{path}: breaks FMI {interface.fmi}.0: {text}", stacklevel=2)
         if interface.left_out:
             text = ", ".join(interface.left_out)
             warnings.warn(f"{path}: left out, not real numbers: {text}", stacklevel=2)
+        if interface.kind == "ModelExchange":
+            return _model(source, step, checked_name(interface, name), params, isolated)
         dt = checked_step(path, interface, step)
         if not isinstance(timeout, (int, float)) or not 0 < timeout < math.inf:
             raise InputError(f"{path}: timeout [s] must be a positive number, found {timeout!r}")
@@ -112,6 +136,28 @@ def load(
         source.unpacked.release()
         raise
     source.unpacked.release()  # the system holds it now
+    return system
+
+
+def _model(
+    source: Source, step: float | None, name: str, params: Mapping[str, float] | None, isolated: bool
+) -> FmuModel:
+    """Return an FMU for Model Exchange as a system."""
+    path = source.path
+    if step is not None:
+        raise InputError(f"{path}: Model Exchange has no communication step, found step={step!r}")
+    if isolated:
+        raise InputError(f"{path}: isolated=True is for Co-Simulation alone")
+    from hovercontrol.fmi.importer.model import FmuModel
+
+    system = FmuModel(source, name, params)
+    source.unpacked.release()  # the system holds it now
+    if system.next_event < math.inf:
+        warnings.warn(
+            f"{path}: has time events, the first at t = {system.next_event:.9g} s: simulate() passes them, "
+            "python-control's simulations do not",
+            stacklevel=4,
+        )
     return system
 
 
@@ -388,7 +434,9 @@ def _again(path: Path, digest: str, arguments: dict[str, Any], names: Any) -> Fm
         raise InputError(f"{path} has changed since the system was pickled")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # said when it was loaded first
-        return FmuSystem._named_as(load(path, **arguments), names)
+        system = load(path, **arguments, kind="CoSimulation", strict=False)
+        assert isinstance(system, FmuSystem)
+        return FmuSystem._named_as(system, names)
 
 
 def _release(follower: Follower, unpacked: Unpacked) -> None:

@@ -128,7 +128,12 @@ class Instance:
                 )
             _ONLY.add(interface.token)
             self._holds_token = True
-        kind = fmi2.FMU2Slave if interface.fmi == 2 else fmi3.FMU3Slave
+        kind = {
+            (2, "CoSimulation"): fmi2.FMU2Slave,
+            (3, "CoSimulation"): fmi3.FMU3Slave,
+            (2, "ModelExchange"): fmi2.FMU2Model,
+            (3, "ModelExchange"): fmi3.FMU3Model,
+        }[interface.fmi, interface.kind]
         here = os.getcwd()
         try:
             self._fmu = kind(

@@ -10,9 +10,10 @@ import itertools
 import math
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
+from xml.etree import ElementTree
 
 from fmpy.model_description import (  # type: ignore[import-untyped]
     ValidationError,
@@ -27,6 +28,8 @@ WHOLE = {f"Int{n}": (-(2 ** (n - 1)), 2 ** (n - 1) - 1) for n in (8, 16, 32, 64)
 WHOLE |= {f"UInt{n}": (0, 2**n - 1) for n in (8, 16, 32, 64)}
 WHOLE |= {"Integer": WHOLE["Int32"], "Boolean": (0, 1)}
 REALS = ("Real", "Float32", "Float64")
+Kind = Literal["CoSimulation", "ModelExchange"]
+WORDS = {"CoSimulation": "Co-Simulation", "ModelExchange": "Model Exchange"}
 #: Elements of all signals and parameters together; more is no control system.
 MOST_ELEMENTS = 100_000
 #: Items of an enumeration that an error line names.
@@ -45,6 +48,8 @@ class Variable:
         The type whose functions get and set it: ``Real``, ``Integer``, ``Boolean`` (FMI 2), ``Float64``, ...
     items : tuple of (int, str)
         Values and names of an enumeration; else empty.
+    discrete : bool
+        In Model Exchange it changes at events only.
     """
 
     name: str
@@ -55,6 +60,7 @@ class Variable:
     unit: str
     description: str
     items: tuple[tuple[int, str], ...] = ()
+    discrete: bool = False
 
     def number(self, value: Any, where: str) -> float:
         """Return a value as a number of this variable's type.
@@ -86,7 +92,12 @@ class Variable:
 
 @dataclass(frozen=True)
 class Interface:
-    """One FMU's part for Co-Simulation."""
+    """One FMU's part for Co-Simulation or Model Exchange.
+
+    Of Model Exchange only: ``states`` and ``derivatives``, in the same order; ``indicators``, the number of
+    event indicators (FMI 3: of those that are listed); ``directional``, whether it gives directional
+    derivatives.
+    """
 
     fmi: int
     identifier: str
@@ -104,9 +115,17 @@ class Interface:
     once_per_process: bool
     error_categories: tuple[str, ...]
     left_out: tuple[str, ...]
+    kind: Kind = "CoSimulation"
+    states: tuple[Variable, ...] = ()
+    derivatives: tuple[Variable, ...] = ()
+    indicators: int = 0
+    directional: bool = False
+    findings: tuple[str, ...] = ()  # what breaks the standard and was tolerated
 
 
-def read_interface(path: Path, header: Header, where: str) -> Interface:
+def read_interface(
+    path: Path, header: Header, where: str, kind: Kind | None = None, strict: bool = True
+) -> Interface:
     """Return the interface in a model description.
 
     Parameters
@@ -117,11 +136,15 @@ def read_interface(path: Path, header: Header, where: str) -> Interface:
         Its first element.
     where : str
         Prefix of messages: the FMU's file.
+    kind : {"CoSimulation", "ModelExchange"}, optional
+        Default: Co-Simulation if the FMU has it.
+    strict : bool, optional
+        Whether a description that violates the standard is refused; if not, `findings` has what does.
 
     Raises
     ------
     InputError
-        If it is not of FMI 2 or 3, has no Co-Simulation, violates the standard, or is too large.
+        If it is not of FMI 2 or 3, has not that kind, violates the standard, or is too large.
     """
     version = header.attributes.get("fmiVersion", "")
     if header.tag != "fmiModelDescription" or not version:
@@ -130,25 +153,58 @@ def read_interface(path: Path, header: Header, where: str) -> Interface:
         raise InputError(f"{where} is an FMU of FMI {version}; expected FMI 2.0 or 3.0")
     try:
         # Given the XML file and not its folder, FMPy opens no other file.
-        described = read_model_description(str(path), validate=True)
+        described, findings = _read(path, strict)
     except ValidationError as error:
         raise InputError(
-            f"{where}: modelDescription.xml violates FMI {version}: {_first(error.problems)}"
+            f"{where}: modelDescription.xml violates FMI {version}: {_first(error.problems)}; "
+            "load(..., strict=False) reads it all the same"
         ) from None
     except Exception as error:  # FMPy raises what its parser and its own look-ups raise
         raise InputError(f"{where}: modelDescription.xml cannot be read: {_first([str(error)])}") from None
-    return _interface(described, int(version[0]), where)
+    try:
+        found = _interface(described, int(version[0]), where, kind, findings)
+        # FMPy 0.3.32 reads FMI 2's attribute alone.
+        element = ElementTree.parse(path).getroot().find(found.kind)
+        ability = None if element is None else element.get("providesDirectionalDerivatives")
+        return replace(found, directional=True) if ability in ("true", "1") else found
+    except InputError:
+        raise
+    except Exception as error:
+        if strict:
+            raise
+        raise InputError(f"{where}: modelDescription.xml cannot be used: {_first([str(error)])}") from None
 
 
-def _interface(described: Any, fmi: int, where: str) -> Interface:
-    part = described.coSimulation
-    if part is None:
-        other = "Model Exchange" if described.modelExchange else "Scheduled Execution"
-        raise InputError(f"{where} is an FMU for {other} only; expected one for Co-Simulation")
+def _read(path: Path, strict: bool) -> tuple[Any, tuple[str, ...]]:
+    """Return what FMPy reads, and its findings where they are tolerated."""
+    try:
+        return read_model_description(str(path), validate=True), ()
+    except ValidationError as error:
+        if strict:
+            raise
+        return read_model_description(str(path), validate=False), tuple(error.problems)
+
+
+def _part(described: Any, where: str, kind: Kind | None) -> tuple[Any, Kind]:
+    """Return the part of a kind, and the kind."""
+    parts = {"CoSimulation": described.coSimulation, "ModelExchange": described.modelExchange}
+    chosen: Kind = kind or ("CoSimulation" if parts["CoSimulation"] else "ModelExchange")
+    if parts[chosen] is None:
+        others = [WORDS[k] for k, part in parts.items() if part] or ["Scheduled Execution"]
+        wanted = WORDS[chosen] if kind else "Co-Simulation or Model Exchange"
+        raise InputError(f"{where} is an FMU for {others[0]} only; expected one for {wanted}")
+    return parts[chosen], chosen
+
+
+def _interface(
+    described: Any, fmi: int, where: str, kind: Kind | None, findings: tuple[str, ...]
+) -> Interface:
+    part, kind = _part(described, where, kind)
     if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", part.modelIdentifier or ""):
         raise InputError(f"{where}: the model identifier {part.modelIdentifier!r} is not an identifier of C")
     experiment = described.defaultExperiment
-    internal = _positive(part.fixedInternalStepSize)
+    internal = _positive(getattr(part, "fixedInternalStepSize", None))
+    states, derivatives = _states(described, fmi, where) if kind == "ModelExchange" else ((), ())
     tolerance = _positive(experiment.tolerance) if experiment else None
     step = (_positive(experiment.stepSize) if experiment else None) or internal
     chosen: dict[str, list[Variable]] = {"input": [], "output": [], "parameter": []}
@@ -175,7 +231,7 @@ def _interface(described: Any, fmi: int, where: str) -> Interface:
         step=step,
         duration=_duration(experiment),
         tolerance=tolerance,
-        fixed_step=None if part.canHandleVariableCommunicationStepSize else internal,
+        fixed_step=None if getattr(part, "canHandleVariableCommunicationStepSize", True) else internal,
         inputs=inputs,
         outputs=outputs,
         parameters=parameters,
@@ -191,7 +247,23 @@ def _interface(described: Any, fmi: int, where: str) -> Interface:
             if category.name in ("logStatusWarning", "logStatusDiscard", "logStatusError", "logStatusFatal")
         ),
         left_out=tuple(left_out),
+        kind=kind,
+        states=states,
+        derivatives=derivatives,
+        indicators=int(described.numberOfEventIndicators or 0),
+        directional=bool(part.providesDirectionalDerivative),
+        findings=findings,
     )
+
+
+def _states(described: Any, fmi: int, where: str) -> tuple[tuple[Variable, ...], tuple[Variable, ...]]:
+    """Return the continuous states and their derivatives, in the order of the ModelStructure."""
+    listed = [unknown.variable for unknown in described.derivatives]
+    pairs = [(d.derivative, d) for d in listed if d is not None and d.derivative is not None]
+    if len(pairs) < len(listed):
+        raise InputError(f"{where}: a derivative of the ModelStructure names no state")
+    made = [[_variable(v, fmi, where) for v in pair] for pair in pairs]
+    return tuple(pair[0] for pair in made), tuple(pair[1] for pair in made)
 
 
 def _unusable(variable: Any) -> str | None:
@@ -229,6 +301,7 @@ def _variable(variable: Any, fmi: int, where: str) -> Variable:
         unit or "",
         description,
         tuple((int(item.value), item.name) for item in listed),
+        kind not in REALS or variable.variability == "discrete",
     )
 
 

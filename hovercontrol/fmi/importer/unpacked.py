@@ -12,7 +12,7 @@ import fmpy  # type: ignore[import-untyped]
 
 from hovercontrol.errors import InputError
 from hovercontrol.fmi.importer.archive import LIMITS, Archive, check_xml, open_archive
-from hovercontrol.fmi.importer.interface import Interface, read_interface
+from hovercontrol.fmi.importer.interface import Interface, Kind, read_interface
 
 _DESCRIPTION = "modelDescription.xml"
 
@@ -45,7 +45,7 @@ class Source:
     unpacked: Unpacked
 
 
-def open_source(path: Path) -> Source:
+def open_source(path: Path, kind: Kind | None = None, strict: bool = True) -> Source:
     """Check and unpack an FMU without running its code."""
     with open_archive(path) as archive:
         data = archive.read(_DESCRIPTION, LIMITS.description)
@@ -54,7 +54,7 @@ def open_source(path: Path) -> Source:
         try:
             file = unpacked.folder / _DESCRIPTION
             file.write_bytes(data)
-            interface = read_interface(file, header, str(path))
+            interface = read_interface(file, header, str(path), kind, strict)
             binaries = _binaries(archive, interface)
             archive.unpack(unpacked.folder, lambda name: name.startswith((binaries, "resources/")))
             (unpacked.folder / "resources").mkdir(exist_ok=True)

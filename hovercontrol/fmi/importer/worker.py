@@ -203,6 +203,6 @@ def _listen(requests: queue.SimpleQueue[bytes]) -> None:
 
 
 def _interface(plain: dict[str, Any]) -> Interface:
-    for key in ("inputs", "outputs", "parameters"):
+    for key in ("inputs", "outputs", "parameters", "states", "derivatives"):
         plain[key] = tuple(Variable(**variable) for variable in plain[key])
     return Interface(**plain)

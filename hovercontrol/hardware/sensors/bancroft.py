@@ -6,6 +6,7 @@ S. Bancroft, "An algebraic solution of the GPS equations", IEEE Trans. Aerospace
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import lru_cache
 
@@ -112,6 +113,7 @@ def range_solver(
     if previous and count == 2:
         raise InputError(f"{name}: expected no `previous` with two beacons: `side` selects the solution")
     ranges, heard = range_signals(count)
+    ranges = tuple(r.replace(start=start) for r, start in zip(ranges, _from_the_middle(beacons), strict=True))
     places = beacons.signals()
     define = Definitions()
     corrected = []
@@ -142,6 +144,14 @@ def range_solver(
         output_expressions={"solved_x": x, "solved_y": y, "solved_bias": bias, "solved": solved},
         definitions=define,
     )
+
+
+def _from_the_middle(beacons: Beacons) -> list[float]:
+    """Return the ranges from the middle of the beacons [m]: ranges with a solution, to start with."""
+    x, y = (sum(p[i] for p in beacons.positions) / len(beacons.positions) for i in (0, 1))
+    return [
+        math.hypot(p[0] - x, p[1] - y, h) for p, h in zip(beacons.positions, beacons.heights, strict=True)
+    ]
 
 
 def _or_circles(
