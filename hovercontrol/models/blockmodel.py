@@ -264,6 +264,7 @@ class BlockModel(EffectModel):
             thrusts={s.name: s.symbol for s in self.block.inputs},
             rudder=sp.Symbol("rudder", real=True),
             time=time,
+            inputs={s.name: s.symbol for s in self.block.inputs},
             units=self.input_units(),
             delay=None,
         )
@@ -284,11 +285,14 @@ class BlockModel(EffectModel):
         """Return the symbols that effects use in ``terms`` and ``states``."""
         return SimpleNamespace(
             **{
-                "fastest": limit.symbol if limit else None,  # unless the Block has a signal of that name
+                # unless the Block has a signal of that name
+                "fastest": limit.symbol if limit else None,
+                "inputs": {s.name: s.symbol for s in self.block.inputs},
+                "thrusts": dict(inputs),
                 **{s.name: s.symbol for s in (*self.block.states, *self.block.parameters)},
-            },
-            **inputs,
-            time=time,
+                **inputs,
+                "time": time,
+            }
         )
 
     def plant(
