@@ -47,7 +47,8 @@ class Effect:
     that a search names it only where it leaves nothing but noise. ``mistaken_for`` names effects that a
     search might take it for: it is fitted in their place, and where it is surely likelier they are not named.
     It is itself named only where a search is asked for it. ``before_curve`` marks an effect that changes a
-    command as it is sent, before the static curve of a fan.
+    command as it is sent, before the static curve of a fan; ``same_as`` names an effect in another place
+    that no log of the machine tells apart.
 
     A named subclass is known by its name everywhere; with ``register=False`` only to who holds the class.
 
@@ -74,6 +75,7 @@ class Effect:
     flexible: ClassVar[bool] = False
     mistaken_for: ClassVar[tuple[str, ...]] = ()
     before_curve: ClassVar[bool] = False
+    same_as: ClassVar[str] = ""
 
     def __init_subclass__(cls, *, register: bool = True, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
@@ -246,7 +248,7 @@ class Effect:
         return self.axis == other.axis != ""
 
     def twin(self, other: Effect) -> bool:
-        """Return whether both are shifts in time, which no log can tell apart.
+        """Return whether no log can tell the two apart: shifts in time, or one cause in two places.
 
         Parameters
         ----------
@@ -258,7 +260,10 @@ class Effect:
         >>> effect("input_delay", 0.1).twin(effect("time_offset", 0.1))
         True
         """
-        return self.name != other.name and self.shifts_time and other.shifts_time
+        if self.name == other.name:
+            return False
+        alike = self.same_as == other.name or other.same_as == self.name
+        return alike or (self.shifts_time and other.shifts_time)
 
     def becomes(self, other: Effect) -> bool:
         """Return whether this effect becomes the other in a limit of its numbers.

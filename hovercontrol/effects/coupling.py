@@ -48,7 +48,10 @@ class SwayMass(Effect):
         u' = (m22/m11) v r + X,    v' = (m11/m22) (-u r + Y).
     """
 
-    name, source = "sway_mass", "Fossen, Handbook of Marine Craft, 2nd ed., 6.3: m22 = m - Y_v', m11 = m - X_u'"
+    name, source = (
+        "sway_mass",
+        "Fossen, Handbook of Marine Craft, 2nd ed., 6.3: m22 = m - Y_v', m11 = m - X_u'",
+    )
     value = Shape("1", lower=-0.9, upper=10.0, neutral=0.0, search=(0.05,))
 
     def terms(self, c: Any, s: Any) -> dict[str, sp.Expr]:
@@ -64,7 +67,10 @@ class CrossFlowDrag(Effect):
     First order in r of the drag of strips at x along the hull, -abs(v + x r) (v + x r).
     """
 
-    name, source = "cross_flow_drag", "Fossen, Handbook of Marine Craft, 2nd ed., 6.4: cross-flow drag, strips"
+    name, source = (
+        "cross_flow_drag",
+        "Fossen, Handbook of Marine Craft, 2nd ed., 6.4: cross-flow drag, strips",
+    )
     sway = Coefficient("1/m", lower=0.0)
     yaw = Coefficient("1/m", lower=0.0)
 

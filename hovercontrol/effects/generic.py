@@ -14,8 +14,10 @@ from types import MappingProxyType
 import sympy as sp
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.signals import time
 from hovercontrol.effects.base import Effect
 from hovercontrol.effects.command import InputDelay
+from hovercontrol.effects.generic_classes import word
 from hovercontrol.effects.generic_commands import (
     asymmetry,
     backlash,
@@ -32,7 +34,7 @@ from hovercontrol.effects.measurement import TimeOffset
 
 #: What acts at each input.
 INPUTS = (
-    command_offset, deadzone, backlash, hysteresis, lag, second_order_lag, saturation, asymmetry,
+    deadzone, backlash, hysteresis, lag, second_order_lag, saturation, asymmetry,
 )  # fmt: skip
 
 
@@ -92,10 +94,26 @@ def _of_inputs(block: Block) -> Iterator[type[Effect]]:
     for signal in block.inputs:
         if signal.modes:
             continue
+        yield command_offset(signal.name, signal.unit, _same_offset(block, signal.symbol))
         for make in INPUTS:
             yield make(signal.name, signal.unit)
     if block.inputs:
         yield InputDelay
+
+
+def _same_offset(block: Block, symbol: sp.Symbol) -> str:
+    """Return the offset of an equation that acts as one of an input does; empty if a log tells them apart.
+
+    An offset d of the input u adds (df/du) d to f. It is a constant where df/du depends on parameters alone,
+    and stands in one equation only if no other equation and no output contains u.
+    """
+    slopes = {s.name: sp.diff(block.expand(block.derivatives[s.name]), symbol) for s in block.states}
+    acting = [name for name, slope in slopes.items() if slope != 0]
+    shown = any(symbol in block.expand(e).free_symbols for e in block.output_expressions.values())
+    changing = {s.symbol for s in (*block.states, *block.inputs)} | {time}
+    if len(acting) != 1 or shown or slopes[acting[0]].free_symbols & changing:
+        return ""
+    return f"{word(acting[0])}_offset"
 
 
 def _of_outputs(block: Block) -> Iterator[type[Effect]]:

@@ -14,8 +14,8 @@ from hovercontrol.effects.generic_classes import make_class, remembered, word
 
 
 @remembered
-def command_offset(signal: str, unit: str) -> type[Effect]:
-    """Return the class of a constant that is added to an input as it is sent."""
+def command_offset(signal: str, unit: str, same_as: str) -> type[Effect]:
+    """Return the class of a constant added to an input as it is sent; `same_as` is that of the class."""
 
     def commands(self: Effect, c: Any, s: Any) -> dict[Signal, sp.Expr]:
         s.thrusts[signal] = s.thrusts[signal] + c.value
@@ -29,6 +29,7 @@ def command_offset(signal: str, unit: str) -> type[Effect]:
         signal=signal,
         order=2,
         before_curve=True,
+        same_as=same_as,
         value=Coefficient(unit),
         commands=commands,
     )
@@ -45,7 +46,7 @@ def asymmetry(signal: str, unit: str) -> type[Effect]:
     return make_class(
         f"{word(signal)}_asymmetry",
         (),
-        f"A gain of {signal} that differs with its sign: (1 + c) {signal} above zero, (1 - c) {signal} below.",
+        f"A gain of {signal} that differs with its sign: times 1 + c above zero, 1 - c below.",
         "K06 (4.4): a propeller that turns backward",
         signal=signal,
         order=9,
@@ -168,7 +169,7 @@ def second_order_lag(signal: str, unit: str) -> type[Effect]:
     return make_class(
         f"{name}_second_order_lag",
         (),
-        f"What {signal} drives follows it with a lag of second order, from rest: T^2 y'' + 2 d T y' + y = {signal}.",
+        f"Lag of second order behind {signal}, from rest: T^2 y'' + 2 d T y' + y = {signal}.",
         "second order of an actuator: a motor with its inductance or its controller",
         signal=signal,
         order=3,

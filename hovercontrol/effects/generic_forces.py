@@ -52,7 +52,7 @@ def asymmetric_drag(state: str, unit: str) -> type[Effect]:
     return make_class(
         f"{word(state)}_asymmetric_drag",
         (),
-        f"Linear drag against {state} that differs with its sign: -c abs({state}), more above zero, less below.",
+        f"Linear drag against {state} that differs with its sign: -c abs({state}).",
         "viscous friction of another size in each direction",
         value=Coefficient("1/s"),
         axis=state,

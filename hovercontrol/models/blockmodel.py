@@ -75,11 +75,12 @@ class BlockModel(EffectModel):
     >>> J = Signal("J", "kg*m^2", start=0.01, lower=1e-9)
     >>> slope = (k.symbol * u.symbol - b.symbol * v.symbol) / J.symbol
     >>> drive = BlockModel(Block("drive", [q, v], [u], [q], [k, b, J], {"q": v.symbol, "v": slope}))
-    >>> [cls.name for cls in drive.candidates()][:8]  # doctest: +NORMALIZE_WHITESPACE
-    ['v_offset', 'v_linear_drag', 'v_quadratic_drag', 'v_coulomb', 'v_stribeck', 'v_load_friction', 'v_lugre',
-     'v_spring']
-    >>> [cls.name for cls in drive.candidates()][8:]  # doctest: +NORMALIZE_WHITESPACE
-    ['u_deadzone', 'u_backlash', 'u_lag', 'u_saturation', 'input_delay', 'q_bias', 'q_scale', 'time_offset']
+    >>> [cls.name for cls in drive.candidates()][:9]  # doctest: +NORMALIZE_WHITESPACE
+    ['v_offset', 'v_linear_drag', 'v_quadratic_drag', 'v_coulomb', 'v_stribeck', 'v_asymmetric_drag',
+     'v_load_friction', 'v_lugre', 'v_spring']
+    >>> [cls.name for cls in drive.candidates()][9:]  # doctest: +NORMALIZE_WHITESPACE
+    ['u_offset', 'u_deadzone', 'u_backlash', 'u_hysteresis', 'u_lag', 'u_second_order_lag', 'u_saturation',
+     'u_asymmetry', 'input_delay', 'q_bias', 'q_scale', 'time_offset']
     >>> sticky = drive.with_effects([drive.effect_class("v_coulomb")(0.5)])
     >>> sticky.plant().to_numpy().derivatives(0.0, [0.0, 1.0], [1.0]).round(6).tolist()
     [1.0, 7.5]

@@ -139,7 +139,8 @@ def test_a_craft_with_curves_and_gains_survives_the_disk(curve, tmp_path):
 SAME = {"thrust_lag", "input_delay"}
 RUDDER = {n for n in effect_names() if "rudder" in n} | {"thrust", "thrust_yaw_torque", "load_friction"}
 ASKED_FOR = {
-    "air_drag", "gyro_drift", "mass_drift", "surge_cubic_drag", "sway_cubic_drag", "yaw_cubic_drag",
+    "air_drag", "body_yaw_torque", "gyro_drift", "mass_drift", "surge_cubic_drag",
+    "sway_cubic_drag", "yaw_cubic_drag",
 }  # fmt: skip
 FAN = {n for n in effect_names() if n.startswith("fan_")}
 
@@ -150,7 +151,9 @@ def test_a_search_tries_what_acts_on_the_craft():
     found = {cls.name for cls in rudder.candidates()}
     assert found == everything - FAN - ASKED_FOR - {e.name for e in rudder.effects}
     found = {cls.name for cls in fan.candidates()}
-    assert found == everything - RUDDER - SAME - ASKED_FOR - {e.name for e in fan.effects}
+    each = {f"{f.name}_{what}" for f in fan.fans for what in ("gain", "curve")}
+    before = {"fan_signal_lag"}  # without a static curve it is the lag of the force
+    assert found == (everything | each) - RUDDER - SAME - ASKED_FOR - before - {e.name for e in fan.effects}
     bare = {cls.name for cls in Model("puck").candidates()}
     assert not bare & (RUDDER | SAME | FAN | ASKED_FOR | {"battery_sag", "thrust_curve", "thrust_deadzone"})
 
