@@ -62,7 +62,7 @@ def hysteresis(signal: str, unit: str) -> type[Effect]:
     simple = backlash(signal, unit)
 
     def commands(self: Effect, c: Any, s: Any) -> dict[Signal, sp.Expr]:
-        played, slope = play(s.thrusts[signal], c.width, c.tau, state.symbol)
+        played, slope = play(s.thrusts[signal], c.play, c.tau, state.symbol)
         s.thrusts[signal] = (1 - c.value) * s.thrusts[signal] + c.value * played
         return {state: slope}
 
@@ -77,7 +77,7 @@ def hysteresis(signal: str, unit: str) -> type[Effect]:
         signal=signal,
         order=5,
         value=Coefficient("1", lower=0.0, upper=1.0),
-        width=Shape(unit, lower=TINY, search=(0.2, 0.5, 1.0), of="input"),
+        play=Shape(unit, lower=TINY, search=(0.2, 0.5, 1.0), of="input"),
         tau=Shape("s", lower=TINY, default=TAU, fixed=True),
         commands=commands,
         becomes=becomes,

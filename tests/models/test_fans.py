@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from hovercontrol.effects import effect, effect_class, effect_names
+from hovercontrol.effects import Coefficient, Effect, effect, effect_class, effect_names
 from hovercontrol.errors import InputError
 from hovercontrol.estimation.measure import measure
 from hovercontrol.logs import Log
@@ -132,6 +132,51 @@ def test_a_craft_with_curves_and_gains_survives_the_disk(curve, tmp_path):
     again = load_model(save_model(model, tmp_path / "craft.toml"))
     assert again == model
     assert again.plant() == model.plant()
+
+
+def test_one_fan_may_have_a_gain_and_a_bend_of_its_own(tmp_path):
+    bare = craft()
+    gain, bend = bare.effect_class("b_gain")(0.8), bare.effect_class("a_curve")(0.3, scale=0.4)
+    found = pushed(bare.with_effects([gain, bend]), [0.2, 0.3])
+    np.testing.assert_allclose(found[3:], wrench([0.2 * (1 + 0.3 * (1 - 0.2 / 0.4)), 0.24]))
+    again = load_model(save_model(bare.with_effects([gain, bend]), tmp_path / "craft.toml"))
+    assert again == bare.with_effects([gain, bend])
+    given = craft(gain=1.0)
+    assert "a_gain" not in {cls.name for cls in given.candidates()}, "it is a coefficient already"
+    with pytest.raises(InputError, match="unknown effect 'c_gain'"):
+        bare.effect_class("c_gain")
+
+
+def test_fans_that_share_a_supply_weaken_each_other():
+    found = pushed(craft(effect("fan_crosstalk", 0.5)), [0.2, 0.3])
+    np.testing.assert_allclose(found[3:], wrench([0.2 * (1 - 0.5 * 0.3), 0.3 * (1 - 0.5 * 0.2)]))
+
+
+def test_the_speed_of_a_fan_lags_before_its_static_curve():
+    def law(s):
+        return sum(c * s**k for k, c in enumerate(HOLOHOVER, 1))
+
+    found = pushed(craft(effect("fan_signal_lag", seconds=0.05), curve=HOLOHOVER), [0.7, 0.1], [0.4, 0.3])
+    np.testing.assert_allclose(found[3:6], wrench([law(0.4), law(0.3)]))
+    np.testing.assert_allclose(found[6:], [0.3 / 0.05, -0.2 / 0.05])
+    assert not craft().accepts(effect_class("fan_signal_lag")), "without a curve it is fan_lag"
+
+
+class _SideWash(Effect, register=False):
+    """One fan's wash on the hull, by its signal and by its force."""
+
+    name, source = "side_wash", "a test"
+    value = Coefficient("m/s^2")
+
+    def terms(self, c, s):
+        return {"r": c.value * (s.inputs["a"] + 10 * s.thrusts["a"] + 100 * s.thrusts["b"])}
+
+
+def test_an_effect_of_ones_own_sees_each_fan_as_it_is_sent_and_as_it_acts():
+    lagged = craft(_SideWash(1.0), effect("fan_lag", seconds=0.05), curve=HOLOHOVER)
+    without = craft(effect("fan_lag", seconds=0.05), curve=HOLOHOVER)
+    added = pushed(lagged, [0.7, 0.1], [0.2, 0.03])[5] - pushed(without, [0.7, 0.1], [0.2, 0.03])[5]
+    assert added == pytest.approx(0.7 + 10 * 0.2 + 100 * 0.03)
 
 
 # ---- what may be missing -------------------------------------------------------------------------
