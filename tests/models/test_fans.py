@@ -166,14 +166,15 @@ class _SideWash(Effect, register=False):
     """One fan's wash on the hull, by its signal and by its force."""
 
     name, source = "side_wash", "a test"
-    value = Coefficient("m/s^2")
+    value = Coefficient("rad/s^2")
+    wash = Coefficient("rad/s^2/N")
 
     def terms(self, c, s):
-        return {"r": c.value * (s.inputs["a"] + 10 * s.thrusts["a"] + 100 * s.thrusts["b"])}
+        return {"r": c.value * s.inputs["a"] + c.wash * (s.thrusts["a"] + 10 * s.thrusts["b"])}
 
 
 def test_an_effect_of_ones_own_sees_each_fan_as_it_is_sent_and_as_it_acts():
-    lagged = craft(_SideWash(1.0), effect("fan_lag", seconds=0.05), curve=HOLOHOVER)
+    lagged = craft(_SideWash(1.0, wash=10.0), effect("fan_lag", seconds=0.05), curve=HOLOHOVER)
     without = craft(effect("fan_lag", seconds=0.05), curve=HOLOHOVER)
     added = pushed(lagged, [0.7, 0.1], [0.2, 0.03])[5] - pushed(without, [0.7, 0.1], [0.2, 0.03])[5]
     assert added == pytest.approx(0.7 + 10 * 0.2 + 100 * 0.03)
