@@ -38,7 +38,7 @@ def place_of(model: Subject, e: Effect) -> str:
     if place == "force":
         return f"force in {_acts_in(block, model, e)}"
     every = [s.name for s in block.inputs]
-    changed = inputs_of(e, block)
+    changed = inputs_of(e, block, craft=model.is_craft)
     whole = len(changed) == len(every) > 1
     return f"{place} of {'all inputs' if whole else ', '.join(changed)}"
 
@@ -51,25 +51,26 @@ def place_of_rival(rival: Rival) -> str:
     return place_of(model, e)
 
 
-def inputs_of(e: Effect, block: Block) -> list[str]:
+def inputs_of(e: Effect, block: Block, *, craft: bool) -> list[str]:
     """Return the inputs of a Block that an effect changes.
 
     Examples
     --------
     >>> import hovercontrol as hc
     >>> craft = hc.vehicle("four_fan")
-    >>> inputs_of(craft.effect_class("front_left_curve")(0.1), craft.plant())
+    >>> inputs_of(craft.effect_class("front_left_curve")(0.1), craft.plant(), craft=True)
     ['front_left']
     """
     sent = {s.name: s.symbol for s in block.inputs}
     rudder = sent.get("rudder", sp.Symbol("rudder", real=True))
-    given = {"thrusts": dict(sent), "inputs": dict(sent), "units": {s.name: s.unit for s in block.inputs}}
+    own = {n: symbol for n, symbol in sent.items() if not (craft and n == "rudder")}
+    given = {"thrusts": dict(own), "inputs": dict(sent), "units": {s.name: s.unit for s in block.inputs}}
     way = SimpleNamespace(**given, rudder=rudder, time=time, delay=None)
     e.commands(e.symbols(block.name), way)
     if way.delay is not None:
         return list(sent)
-    turned = way.rudder != rudder
-    return [n for n in sent if (turned if n == "rudder" and turned else way.thrusts[n] != sent[n])]
+    changed = {n for n in own if way.thrusts[n] != own[n]} | ({"rudder"} if way.rudder != rudder else set())
+    return [n for n in sent if n in changed]
 
 
 def acts_in(fit: Fit, name: str) -> str:
