@@ -33,10 +33,15 @@ def pages(into: Path) -> tuple[str, str]:
     sections = []
     for kind, title in KINDS.items():
         rows = [
-            (f"[`{n}`](effects/{n}.md)", first_sentence(effect_class(n).__doc__), effect_class(n).source)
+            (
+                f"[`{n}`](effects/{n}.md)",
+                effect_class(n).place(),
+                first_sentence(effect_class(n).__doc__),
+                effect_class(n).source,
+            )
             for n in groups[kind]
         ]
-        sections.append(f"## {title}\n\n{table(('effect', 'what it is', 'source'), rows)}")
+        sections.append(f"## {title}\n\n{table(('effect', 'place', 'what it is', 'source'), rows)}")
     write(
         into / "effects.md",
         "# Effects",
@@ -58,7 +63,7 @@ def _page(cls: type[Effect], runs: effect_runs.Runs, folder: Path) -> None:
         folder / f"{cls.name}.md",
         f"# {cls.name}",
         first_sentence(cls.__doc__),
-        f"**Acts on** {_acts(cls)}. **Source**: {cls.source or 'none'}.",
+        f"**Acts on** {_acts(cls)}. **Place**: {cls.place()}. **Source**: {cls.source or 'none'}.",
         "## Equation",
         "The terms of the effect are marked; c with a subscript is a coefficient.",
         html(changed_lines(_without(seen.base, cls.name), seen.model)),

@@ -18,7 +18,7 @@ from hovercontrol.discrepancy.evidence.of_effects import Evidence
 from hovercontrol.discrepancy.evidence.remainder import Remainder
 from hovercontrol.discrepancy.evidence.sensors import SlowError
 from hovercontrol.discrepancy.experiment.proposal import Experiment
-from hovercontrol.discrepancy.places import acts_in
+from hovercontrol.discrepancy.places import acts_in, place_of, place_of_rival
 from hovercontrol.discrepancy.search.confirm import Rival, Selection
 from hovercontrol.discrepancy.search.leads import Lead
 from hovercontrol.discrepancy.search.trace import Decision, about
@@ -46,6 +46,9 @@ class Found:
     value, std : float
         Estimate and its standard error.
     unit : str
+    place : str
+        Where in the loop: ``"force in u' v'"``, ``"actuator of thrust"``, ``"command of u"``,
+        ``"sensor of r"``, ``"clock of the log"``.
 
     Examples
     --------
@@ -59,6 +62,7 @@ class Found:
     value: float
     std: float
     unit: str
+    place: str = ""
 
     @property
     def interval(self) -> tuple[float, float]:
@@ -188,6 +192,7 @@ class Diagnosis:
                 {
                     "name": name,
                     "equation": own[0].acts_in,
+                    "place": own[0].place,
                     "coefficient": own[0].value,
                     "std": own[0].std,
                     "unit": own[0].unit,
@@ -198,7 +203,9 @@ class Diagnosis:
                 for name, own in numbers.items()
             ],
             "coefficients": [vars(c) for c in self.coefficients],
-            "rivals": [{"name": r.name, "reason": reason_of(r)} for r in self.rivals],
+            "rivals": [
+                {"name": r.name, "place": place_of_rival(r), "reason": reason_of(r)} for r in self.rivals
+            ],
             "gap": {
                 "train": {"before": self.train_before.nrmse, "after": self.train_after.nrmse},
                 "holdout": {
@@ -335,5 +342,6 @@ def numbers_of(fit: Fit, names: Sequence[str]) -> tuple[Found, ...]:
             j = problem.names.index(parameter)
             unit = problem.block.parameter(parameter).unit
             std = math.sqrt(max(C[j, j], 0.0))
-            found.append(Found(name, parameter, acts_in(fit, name), float(fit.p[j]), std, unit))
+            where = acts_in(fit, name), place_of(problem.model, e)
+            found.append(Found(name, parameter, where[0], float(fit.p[j]), std, unit, where[1]))
     return tuple(found)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 def diagnosis_html(found: Diagnosis, sentences: Sequence[str]) -> str:
     """Return a diagnosis as HTML: verdict, sentences on it, what was added, what remains, what came near."""
-    added = [(e.effect, e.parameter, e.acts_in, e.value, f"± {e.std:.2g}", e.unit) for e in found.effects]
+    added = [(e.effect, e.parameter, e.place, e.value, f"± {e.std:.2g}", e.unit) for e in found.effects]
     left = [(r.equation, r.rms, r.unit, percent(r.share_explained)) for r in found.remainders]
     leads = [(lead.name, lead.gain, lead.reason) for lead in found.leads]
     return card(
@@ -26,7 +26,7 @@ def diagnosis_html(found: Diagnosis, sentences: Sequence[str]) -> str:
         found.verdict,
         "",
         lines(*sentences),
-        table(("effect", "number", "acts in", "value", "std. error", "unit"), added, "added"),
+        table(("effect", "number", "place", "value", "std. error", "unit"), added, "added"),
         table(("equation", "remains", "unit", "explained"), left, "what remains"),
         fold("came near", table(("effect", "gain", "why it is not named"), leads)) if leads else "",
         lines(*(f"warning: {w}" for w in found.warnings)),

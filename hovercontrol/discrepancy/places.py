@@ -2,19 +2,85 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import sympy as sp
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.signals import time
+from hovercontrol.discrepancy.search.confirm import Rival
+from hovercontrol.effects import Effect
 from hovercontrol.estimation.fit import Fit
+from hovercontrol.estimation.subject import Subject, structure
 from hovercontrol.models.base import quantity_of
+
+
+def place_of(model: Subject, e: Effect) -> str:
+    """Return where in the loop an effect acts and on what: an input, equations, a sensor, the clock.
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> craft = hc.vehicle("c17_experiment")
+    >>> for name in ("rudder_offset", "input_delay", "munk_moment", "gyro_bias", "time_offset"):
+    ...     print(place_of(craft, hc.effect(name, 0.1)))
+    actuator of rudder
+    command of all inputs
+    force in r'
+    sensor of r
+    clock of the log
+    """
+    place, block = e.place(), structure(model.with_effects([e]))
+    if place == "clock":
+        return "clock of the log"
+    if place == "sensor":
+        return f"sensor of {_acts_in(block, model, e).replace(' as measured', '')}"
+    if place == "force":
+        return f"force in {_acts_in(block, model, e)}"
+    every = [s.name for s in block.inputs]
+    changed = inputs_of(e, block, craft=model.is_craft)
+    whole = len(changed) == len(every) > 1
+    return f"{place} of {'all inputs' if whole else ', '.join(changed)}"
+
+
+def place_of_rival(rival: Rival) -> str:
+    """Return where in the loop a rival acts; an equivalent one is in no fitted model."""
+    model = rival.fit.model
+    fitted = rival.name in {e.name for e in model.effects}
+    e = model.effect(rival.name) if fitted else model.effect_class(rival.name).small()
+    return place_of(model, e)
+
+
+def inputs_of(e: Effect, block: Block, *, craft: bool) -> list[str]:
+    """Return the inputs of a Block that an effect changes.
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> craft = hc.vehicle("four_fan")
+    >>> inputs_of(craft.effect_class("front_left_curve")(0.1), craft.plant(), craft=True)
+    ['front_left']
+    """
+    sent = {s.name: s.symbol for s in block.inputs}
+    rudder = sent.get("rudder", sp.Symbol("rudder", real=True))
+    own = {n: symbol for n, symbol in sent.items() if not (craft and n == "rudder")}
+    given = {"thrusts": dict(own), "inputs": dict(sent), "units": {s.name: s.unit for s in block.inputs}}
+    way = SimpleNamespace(**given, rudder=rudder, time=time, delay=None)
+    e.commands(e.symbols(block.name), way)
+    if way.delay is not None:
+        return list(sent)
+    changed = {n for n in own if way.thrusts[n] != own[n]} | ({"rudder"} if way.rudder != rudder else set())
+    return [n for n in sent if n in changed]
 
 
 def acts_in(fit: Fit, name: str) -> str:
     """Return where an effect acts, as text: equations, outputs, commands or clock."""
-    block = fit.problem.block
-    e = fit.problem.model.effect(name)
+    return _acts_in(fit.problem.block, fit.problem.model, fit.problem.model.effect(name))
+
+
+def _acts_in(block: Block, model: Subject, e: Effect) -> str:
     own = {block.parameter(e.parameter(k)).symbol for k in e.numbers}
-    motion = fit.problem.model.motion
+    motion = model.motion
     rows = [
         f"{s.name}'"
         for s in block.states

@@ -46,7 +46,9 @@ class Effect:
     becomes in a limit of its numbers; ``flexible`` that its many numbers also fit part of other effects, so
     that a search names it only where it leaves nothing but noise. ``mistaken_for`` names effects that a
     search might take it for: it is fitted in their place, and where it is surely likelier they are not named.
-    It is itself named only where a search is asked for it.
+    It is itself named only where a search is asked for it. ``before_curve`` marks an effect that changes a
+    command as it is sent, before the static curve of a fan; ``same_as`` names an effect in another place
+    that no log of the machine tells apart.
 
     A named subclass is known by its name everywhere; with ``register=False`` only to who holds the class.
 
@@ -72,6 +74,8 @@ class Effect:
     contains: ClassVar[tuple[type[Effect], ...]] = ()
     flexible: ClassVar[bool] = False
     mistaken_for: ClassVar[tuple[str, ...]] = ()
+    before_curve: ClassVar[bool] = False
+    same_as: ClassVar[str] = ""
 
     def __init_subclass__(cls, *, register: bool = True, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
@@ -244,7 +248,7 @@ class Effect:
         return self.axis == other.axis != ""
 
     def twin(self, other: Effect) -> bool:
-        """Return whether both are shifts in time, which no log can tell apart.
+        """Return whether no log can tell the two apart: shifts in time, or one cause in two places.
 
         Parameters
         ----------
@@ -256,7 +260,10 @@ class Effect:
         >>> effect("input_delay", 0.1).twin(effect("time_offset", 0.1))
         True
         """
-        return self.name != other.name and self.shifts_time and other.shifts_time
+        if self.name == other.name:
+            return False
+        alike = self.same_as == other.name or other.same_as == self.name
+        return alike or (self.shifts_time and other.shifts_time)
 
     def becomes(self, other: Effect) -> bool:
         """Return whether this effect becomes the other in a limit of its numbers.
@@ -339,8 +346,9 @@ class Effect:
             Symbols of the motion: ``x, y, psi, u, v, r`` and ``time``; the velocity relative to the air,
             ``air_u, air_v``; of the rudder craft's commands ``thrust, rudder`` and their force vector
             ``thrust_x, thrust_y``; of a fan craft's wrench ``fan_x, fan_y, fan_torque`` and, with all forces
-            turned by 90 degrees to the left, ``fan_cross_torque``. The effect's own :meth:`states` are
-            known by their signals.
+            turned by 90 degrees to the left, ``fan_cross_torque``. Two dicts have every input by name:
+            ``inputs`` the commands as they are sent, ``thrusts`` what input effects make of them (of a fan
+            its force [N]). The effect's own :meth:`states` are known by their signals.
 
         Returns
         -------
@@ -366,8 +374,9 @@ class Effect:
         c : namespace
             Symbols of the effect's own numbers.
         s : namespace
-            ``thrusts``, a dict of the thrust command (or the fans' forces) by name, ``rudder``, ``time``, and
-            ``units`` of the commands by name.
+            ``thrusts``, a dict of the thrust command (or the fans' forces) by name, ``rudder``, ``time``,
+            ``inputs``, a dict of all commands as they are sent, and ``units`` of the commands by name. With
+            ``before_curve``, ``thrusts`` has the signals of the fans instead of their forces.
 
         Returns
         -------
@@ -413,10 +422,42 @@ class Effect:
         """
         return {}
 
+    def inertia(self, c: Any, s: Any) -> dict[str, sp.Expr]:
+        """Return factors on the terms of all other effects, by equation ``u``, ``v``, ``r``.
+
+        Parameters
+        ----------
+        c, s : namespace
+            As for :meth:`terms`.
+        """
+        return {}
+
     @classmethod
     def in_package(cls) -> bool:
         """Return whether the effect belongs to the package."""
         return cls.__module__.startswith("hovercontrol.")
+
+    @classmethod
+    def place(cls) -> str:
+        """Return where in the loop the effect acts; derived from what the class defines.
+
+        Returns
+        -------
+        {"command", "actuator", "force", "sensor", "clock"}
+            The command as it is sent, what an actuator makes of it, the forces, one sensor, or the clock of
+            all measurements.
+
+        Examples
+        --------
+        >>> from hovercontrol.effects import effect_class
+        >>> [effect_class(n).place() for n in ("input_delay", "thrust_lag", "slope", "gyro_bias")]
+        ['command', 'actuator', 'force', 'sensor']
+        """
+        if cls.kind() == "measurement":
+            return "clock" if cls.shifts_time else "sensor"
+        if cls.kind() == "input":
+            return "command" if cls.shifts_time or cls.before_curve else "actuator"
+        return "force"
 
     @classmethod
     def kind(cls) -> str:

@@ -39,9 +39,9 @@ class FanDelay(_Delay):
     seconds = Shape("s", lower=0.0, neutral=0.0, search=(0.01, 0.02, 0.06, 0.15))
 
 
-def _lagged(c: Any, s: Any, name: str, command: sp.Expr) -> tuple[Signal, sp.Expr]:
+def _lagged(c: Any, s: Any, name: str, command: sp.Expr, unit: str = "") -> tuple[Signal, sp.Expr]:
     """Return the state of a lag and its derivative."""
-    state = Signal(f"{name}_lagged", s.units[name], f"{name} behind its lag")
+    state = Signal(f"{name}_lagged", unit or s.units[name], f"{name} behind its lag")
     return state, (command - state.symbol) / c.seconds
 
 
@@ -69,6 +69,25 @@ class FanLag(_ThrustLag):
     seconds = Shape("s", lower=TINY, neutral=0.0, search=(0.03, 0.1, 0.3))
 
 
+class FanSignalLag(Effect):
+    """Signal of each fan that its speed follows with a lag of first order, before the static curve.
+
+    A motor's speed lags, and its force follows the speed by the static curve: :class:`FanLag` acts on the
+    force. Without a curve the two are the same.
+    """
+
+    name, source, order, craft = "fan_signal_lag", "first order of a motor's speed", 3, "fan"
+    before_curve = True
+    seconds = Shape("s", lower=TINY, neutral=0.0, search=(0.03, 0.1, 0.3))
+
+    def commands(self, c: Any, s: Any) -> dict[Signal, sp.Expr]:
+        states = {}
+        for name, command in s.thrusts.items():
+            state, slope = _lagged(c, s, f"{name}_signal", command, s.units[name])
+            states[state], s.thrusts[name] = slope, state.symbol
+        return states
+
+
 class RudderLag(Effect):
     """A rudder that follows its command with a lag of first order, from rest."""
 
@@ -79,6 +98,11 @@ class RudderLag(Effect):
         state, slope = _lagged(c, s, "rudder", s.rudder)
         s.rudder = state.symbol
         return {state: slope}
+
+
+def bent(T: sp.Expr, c: Any) -> sp.Expr:
+    """Return T (1 + b (1 - abs(T)/S)) up to the scale S, and T beyond."""
+    return T * (1 + c.value * sp.Max(0, 1 - sp.Abs(T) / c.scale))
 
 
 class ThrustCurve(Effect):
@@ -94,7 +118,7 @@ class ThrustCurve(Effect):
 
     def commands(self, c: Any, s: Any) -> dict[Signal, sp.Expr]:
         for name, T in s.thrusts.items():
-            s.thrusts[name] = T * (1 + c.value * sp.Max(0, 1 - sp.Abs(T) / c.scale))
+            s.thrusts[name] = bent(T, c)
         return {}
 
 
@@ -131,6 +155,20 @@ class BatterySag(Effect):
     def commands(self, c: Any, s: Any) -> dict[Signal, sp.Expr]:
         for name, T in s.thrusts.items():
             s.thrusts[name] = T * (1 - c.value * s.time)
+        return {}
+
+
+class FanCrosstalk(Effect):
+    """Force of each fan that falls with the others': F_i (1 - c sum of abs(F_j), j not i)."""
+
+    name, source, order, craft = "fan_crosstalk", "first order of a supply that all fans share", 8, "fan"
+    value = Coefficient("1/{thrust}")
+
+    def commands(self, c: Any, s: Any) -> dict[Signal, sp.Expr]:
+        sizes = {name: sp.Abs(F) for name, F in s.thrusts.items()}
+        total = sp.Add(*sizes.values())
+        for name, F in s.thrusts.items():
+            s.thrusts[name] = F * (1 - c.value * (total - sizes[name]))
         return {}
 
 

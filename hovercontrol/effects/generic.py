@@ -14,12 +14,28 @@ from types import MappingProxyType
 import sympy as sp
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.signals import time
 from hovercontrol.effects.base import Effect
 from hovercontrol.effects.command import InputDelay
-from hovercontrol.effects.generic_commands import backlash, deadzone, lag, saturation
-from hovercontrol.effects.generic_forces import drag, load_friction, lugre, offset, spring
+from hovercontrol.effects.generic_classes import word
+from hovercontrol.effects.generic_commands import (
+    asymmetry,
+    backlash,
+    command_offset,
+    deadzone,
+    hysteresis,
+    lag,
+    saturation,
+    second_order_lag,
+)
+from hovercontrol.effects.generic_forces import asymmetric_drag, drag, load_friction, lugre, offset, spring
 from hovercontrol.effects.generic_measurements import bias, scale
 from hovercontrol.effects.measurement import TimeOffset
+
+#: What acts at each input.
+INPUTS = (
+    deadzone, backlash, hysteresis, lag, second_order_lag, saturation, asymmetry,
+)  # fmt: skip
 
 
 @lru_cache(maxsize=256)
@@ -34,10 +50,11 @@ def generic_effects(block: Block) -> Mapping[str, type[Effect]]:
     Returns
     -------
     mapping of str to type of Effect
-        For each equation that holds a parameter or an input: an offset, linear, quadratic, dry (Coulomb,
-        Stribeck, load-dependent, LuGre) friction, and a spring where the Block has the integral of the state
-        among its states; for each input a dead zone, play, lag and saturation, for all together a delay; for
-        each output a bias and a scale, for all together a late clock.
+        For each equation that holds a parameter or an input: an offset, linear, quadratic, asymmetric and dry
+        (Coulomb, Stribeck, load-dependent, LuGre) friction, and a spring where the Block has the integral of
+        the state among its states; for each input an offset, a dead zone, play, hysteresis, lags of first and
+        second order, saturation and a gain for each sign, for all together a delay; for each output a bias
+        and a scale, for all together a late clock.
 
     Examples
     --------
@@ -63,6 +80,7 @@ def _of_equations(block: Block) -> Iterator[type[Effect]]:
         yield offset(*about)
         for law in ("linear_drag", "quadratic_drag", "coulomb", "stribeck"):
             yield drag(law, *about, state.nominal)
+        yield asymmetric_drag(*about)
         drive = e - e.subs(at_rest)
         if drive != 0 and drive.is_finite is not False and not drive.has(sp.nan):
             yield load_friction(*about, state.nominal, drive)
@@ -76,10 +94,26 @@ def _of_inputs(block: Block) -> Iterator[type[Effect]]:
     for signal in block.inputs:
         if signal.modes:
             continue
-        for make in (deadzone, backlash, lag, saturation):
+        yield command_offset(signal.name, signal.unit, _same_offset(block, signal.symbol))
+        for make in INPUTS:
             yield make(signal.name, signal.unit)
     if block.inputs:
         yield InputDelay
+
+
+def _same_offset(block: Block, symbol: sp.Symbol) -> str:
+    """Return the offset of an equation that acts as one of an input does; empty if a log tells them apart.
+
+    An offset d of the input u adds (df/du) d to f. It is a constant where df/du depends on parameters alone,
+    and stands in one equation only if no other equation and no output contains u.
+    """
+    slopes = {s.name: sp.diff(block.expand(block.derivatives[s.name]), symbol) for s in block.states}
+    acting = [name for name, slope in slopes.items() if slope != 0]
+    shown = any(symbol in block.expand(e).free_symbols for e in block.output_expressions.values())
+    changing = {s.symbol for s in (*block.states, *block.inputs)} | {time}
+    if len(acting) != 1 or shown or slopes[acting[0]].free_symbols & changing:
+        return ""
+    return f"{word(acting[0])}_offset"
 
 
 def _of_outputs(block: Block) -> Iterator[type[Effect]]:

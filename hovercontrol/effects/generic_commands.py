@@ -1,4 +1,4 @@
-"""Generic actuator effects at an input: dead zone, play, lag, limits."""
+"""Generic effects at an input: offset, dead zone, play, hysteresis, lags, limits, another gain astern."""
 
 from __future__ import annotations
 
@@ -9,8 +9,79 @@ import sympy as sp
 from hovercontrol.core.signals import Signal
 from hovercontrol.effects.actuator import TAU, clipped, limited_rate, play
 from hovercontrol.effects.base import Effect
-from hovercontrol.effects.coefficient import TINY, Shape
+from hovercontrol.effects.coefficient import TINY, Coefficient, Shape
 from hovercontrol.effects.generic_classes import make_class, remembered, word
+
+
+@remembered
+def command_offset(signal: str, unit: str, same_as: str) -> type[Effect]:
+    """Return the class of a constant added to an input as it is sent; `same_as` is that of the class."""
+
+    def commands(self: Effect, c: Any, s: Any) -> dict[Signal, sp.Expr]:
+        s.thrusts[signal] = s.thrusts[signal] + c.value
+        return {}
+
+    return make_class(
+        f"{word(signal)}_offset",
+        (),
+        f"A constant added to the command {signal}.",
+        "calibration",
+        signal=signal,
+        order=2,
+        before_curve=True,
+        same_as=same_as,
+        value=Coefficient(unit),
+        commands=commands,
+    )
+
+
+@remembered
+def asymmetry(signal: str, unit: str) -> type[Effect]:
+    """Return the class of a gain of an input that differs with the sign of the command."""
+
+    def commands(self: Effect, c: Any, s: Any) -> dict[Signal, sp.Expr]:
+        s.thrusts[signal] = s.thrusts[signal] + c.value * sp.Abs(s.thrusts[signal])
+        return {}
+
+    return make_class(
+        f"{word(signal)}_asymmetry",
+        (),
+        f"A gain of {signal} that differs with its sign: times 1 + c above zero, 1 - c below.",
+        "K06 (4.4): a propeller that turns backward",
+        signal=signal,
+        order=9,
+        value=Coefficient("1", lower=-1.0, upper=1.0),
+        commands=commands,
+    )
+
+
+@remembered
+def hysteresis(signal: str, unit: str) -> type[Effect]:
+    """Return the class of a hysteresis of an input: a part c of it passes a play, the rest does not."""
+    state = Signal(f"{word(signal)}_hysteresis_memory", unit, f"memory of the hysteresis of {signal}")
+    simple = backlash(signal, unit)
+
+    def commands(self: Effect, c: Any, s: Any) -> dict[Signal, sp.Expr]:
+        played, slope = play(s.thrusts[signal], c.play, c.tau, state.symbol)
+        s.thrusts[signal] = (1 - c.value) * s.thrusts[signal] + c.value * played
+        return {state: slope}
+
+    def becomes(self: Effect, other: Effect) -> bool:
+        return isinstance(other, simple)
+
+    return make_class(
+        f"{word(signal)}_hysteresis",
+        (),
+        f"Hysteresis of {signal}: (1 - c) {signal} + c play({signal}); with c = 1 it is play.",
+        "Kuhnen, European Journal of Control 9 (2003): Prandtl-Ishlinskii, one operator",
+        signal=signal,
+        order=5,
+        value=Coefficient("1", lower=0.0, upper=1.0),
+        play=Shape(unit, lower=TINY, search=(0.2, 0.5, 1.0), of="input"),
+        tau=Shape("s", lower=TINY, default=TAU, fixed=True),
+        commands=commands,
+        becomes=becomes,
+    )
 
 
 @remembered
@@ -75,6 +146,37 @@ def lag(signal: str, unit: str) -> type[Effect]:
         order=3,
         seconds=Shape("s", lower=TINY, neutral=0.0, search=(1.0, 4.0, 15.0), of="step"),
         commands=commands,
+    )
+
+
+@remembered
+def second_order_lag(signal: str, unit: str) -> type[Effect]:
+    """Return the class of a lag of second order of an input."""
+    name = word(signal)
+    rate_unit = f"({unit})/s" if set(unit) & set("*/^ ") else f"{unit}/s"
+    state = Signal(f"{name}_responding", unit, f"{signal} behind its lag of second order")
+    rate = Signal(f"{name}_responding_rate", rate_unit, f"rate of {signal} behind its lag")
+    simple = lag(signal, unit)
+
+    def commands(self: Effect, c: Any, s: Any) -> dict[Signal, sp.Expr]:
+        slope = ((s.thrusts[signal] - state.symbol) / c.seconds - 2 * c.damping * rate.symbol) / c.seconds
+        s.thrusts[signal] = state.symbol
+        return {state: rate.symbol, rate: slope}
+
+    def becomes(self: Effect, other: Effect) -> bool:
+        return isinstance(other, simple)
+
+    return make_class(
+        f"{name}_second_order_lag",
+        (),
+        f"Lag of second order behind {signal}, from rest: T^2 y'' + 2 d T y' + y = {signal}.",
+        "second order of an actuator: a motor with its inductance or its controller",
+        signal=signal,
+        order=3,
+        seconds=Shape("s", lower=TINY, neutral=0.0, search=(1.0, 4.0, 15.0), of="step"),
+        damping=Shape("1", lower=0.05, upper=20.0, default=0.7, search=(0.4, 1.0)),
+        commands=commands,
+        becomes=becomes,
     )
 
 

@@ -43,6 +43,24 @@ def drag(ending: str, state: str, unit: str, size: float) -> type[Effect]:
 
 
 @remembered
+def asymmetric_drag(state: str, unit: str) -> type[Effect]:
+    """Return the class of a linear drag that differs with the sign of a state."""
+
+    def terms(self: Effect, c: Any, s: Any) -> dict[str, sp.Expr]:
+        return {state: -c.value * sp.Abs(getattr(s, state))}
+
+    return make_class(
+        f"{word(state)}_asymmetric_drag",
+        (),
+        f"Linear drag against {state} that differs with its sign: -c abs({state}).",
+        "viscous friction of another size in each direction",
+        value=Coefficient("1/s"),
+        axis=state,
+        terms=terms,
+    )
+
+
+@remembered
 def load_friction(state: str, unit: str, size: float, drive: sp.Expr) -> type[Effect]:
     """Return the class of a dry friction in proportion to what the inputs add to the equation of a state."""
 

@@ -11,7 +11,7 @@ from typing import Any
 from hovercontrol.errors import InputError, did_you_mean
 
 #: What an effect may define to say what it does.
-HOOKS = ("terms", "motion", "commands", "states", "measured", "factors")
+HOOKS = ("terms", "motion", "commands", "states", "measured", "factors", "inertia")
 
 
 def explain(cls: type, base: type) -> None:

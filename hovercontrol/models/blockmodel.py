@@ -75,11 +75,12 @@ class BlockModel(EffectModel):
     >>> J = Signal("J", "kg*m^2", start=0.01, lower=1e-9)
     >>> slope = (k.symbol * u.symbol - b.symbol * v.symbol) / J.symbol
     >>> drive = BlockModel(Block("drive", [q, v], [u], [q], [k, b, J], {"q": v.symbol, "v": slope}))
-    >>> [cls.name for cls in drive.candidates()][:8]  # doctest: +NORMALIZE_WHITESPACE
-    ['v_offset', 'v_linear_drag', 'v_quadratic_drag', 'v_coulomb', 'v_stribeck', 'v_load_friction', 'v_lugre',
-     'v_spring']
-    >>> [cls.name for cls in drive.candidates()][8:]  # doctest: +NORMALIZE_WHITESPACE
-    ['u_deadzone', 'u_backlash', 'u_lag', 'u_saturation', 'input_delay', 'q_bias', 'q_scale', 'time_offset']
+    >>> [cls.name for cls in drive.candidates()][:9]  # doctest: +NORMALIZE_WHITESPACE
+    ['v_offset', 'v_linear_drag', 'v_quadratic_drag', 'v_coulomb', 'v_stribeck', 'v_asymmetric_drag',
+     'v_load_friction', 'v_lugre', 'v_spring']
+    >>> [cls.name for cls in drive.candidates()][9:]  # doctest: +NORMALIZE_WHITESPACE
+    ['u_offset', 'u_deadzone', 'u_backlash', 'u_hysteresis', 'u_lag', 'u_second_order_lag', 'u_saturation',
+     'u_asymmetry', 'input_delay', 'q_bias', 'q_scale', 'time_offset']
     >>> sticky = drive.with_effects([drive.effect_class("v_coulomb")(0.5)])
     >>> sticky.plant().to_numpy().derivatives(0.0, [0.0, 1.0], [1.0]).round(6).tolist()
     [1.0, 7.5]
@@ -264,6 +265,7 @@ class BlockModel(EffectModel):
             thrusts={s.name: s.symbol for s in self.block.inputs},
             rudder=sp.Symbol("rudder", real=True),
             time=time,
+            inputs={s.name: s.symbol for s in self.block.inputs},
             units=self.input_units(),
             delay=None,
         )
@@ -284,11 +286,14 @@ class BlockModel(EffectModel):
         """Return the symbols that effects use in ``terms`` and ``states``."""
         return SimpleNamespace(
             **{
-                "fastest": limit.symbol if limit else None,  # unless the Block has a signal of that name
+                # unless the Block has a signal of that name
+                "fastest": limit.symbol if limit else None,
+                "inputs": {s.name: s.symbol for s in self.block.inputs},
+                "thrusts": dict(inputs),
                 **{s.name: s.symbol for s in (*self.block.states, *self.block.parameters)},
-            },
-            **inputs,
-            time=time,
+                **inputs,
+                "time": time,
+            }
         )
 
     def plant(

@@ -224,15 +224,17 @@ class Fan:
             upper=upper,
         )
 
-    def force(self, owner: str) -> sp.Expr:
+    def force(self, owner: str, command: sp.Expr | None = None) -> sp.Expr:
         """Return the force [N] of the command, before any effect that acts on it.
 
         Parameters
         ----------
         owner : str
             Name of the Block.
+        command : sympy.Expr, optional
+            Default: the command as it is sent.
         """
-        force: sp.Expr = self.command().symbol
+        force: sp.Expr = self.command().symbol if command is None else command
         if self._law is not None:
             force = self._law.force(force, self._curve_parameters(owner))
         return force if self.gain is None else self.gain_signal(owner).symbol * force

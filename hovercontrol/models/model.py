@@ -21,6 +21,7 @@ from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.core.signals import Signal, time
 from hovercontrol.effects import Effect, effect_class, effect_names
+from hovercontrol.effects.fan_classes import fan_effects
 from hovercontrol.errors import InputError
 from hovercontrol.models.actuated import saturated
 from hovercontrol.models.base import EffectModel, as_measured, delays_of, effect_lines, rate_limit
@@ -147,10 +148,33 @@ class Model(EffectModel):
         driven = {e.craft for e in self.effects if e.drives}
         has_rudder, uses_fans = "rudder" in driven, "fan" in driven
         if cls.craft == "fan":
-            return uses_fans or (bool(self.fans) and cls.drives)
+            if cls.before_curve and all(f.curve is None for f in self.fans):
+                return False  # the same as the effect on the force
+            return (uses_fans and self._takes(cls)) or (bool(self.fans) and cls.drives)
         if cls.craft == "rudder":
             return has_rudder
         return cls.kind() != "input" or has_rudder or uses_fans
+
+    def _takes(self, cls: type[Effect]) -> bool:
+        """Return whether an effect of one fan is of a fan of this model; True for all other effects."""
+        return not cls.signal or self._of_fans().get(cls.name) is cls
+
+    def _of_fans(self) -> dict[str, type[Effect]]:
+        """Return the effects of single fans; a fan with a gain has that one as a coefficient already."""
+        each = {name: cls for f in self.fans for name, cls in fan_effects(f.name).items()}
+        given = {f"{f.name}_gain" for f in self.fans if f.gain is not None}
+        return {name: cls for name, cls in each.items() if name not in given}
+
+    def effect_class(self, name: str) -> type[Effect]:
+        """Return the class of an effect: a known one, or one of a single fan (``left_gain``).
+
+        Raises
+        ------
+        InputError
+            If no effect has that name; the message names the nearest one.
+        """
+        own = self._of_fans()
+        return own[name] if name in own else effect_class(name)
 
     def candidates(self) -> tuple[type[Effect], ...]:
         """Return all known effects that could be added to the model.
@@ -164,7 +188,8 @@ class Model(EffectModel):
         (True, False, False)
         """
         have = {e.name for e in self.effects}
-        known = (effect_class(name) for name in effect_names() if name not in have)
+        named = (effect_class(name) for name in effect_names())
+        known = (cls for cls in (*named, *self._of_fans().values()) if cls.name not in have)
         return tuple(cls for cls in known if self.accepts(cls) and not cls.mistaken_for)
 
     def coefficients(self) -> dict[str, float]:
@@ -213,7 +238,8 @@ class Model(EffectModel):
         inputs : mapping of str to array_like
             Commands of logs by name.
         """
-        acting = [f.forces(inputs[f.name]) for f in self.fans if f.name in inputs]
+        fans = [f for f in self.fans if f.name in inputs and cls.signal in ("", f.name)]
+        acting = [f.forces(inputs[f.name]) for f in fans]
         if not self.fans and THRUST.name in inputs:
             acting = [np.asarray(inputs[THRUST.name])]
         return max((float(np.abs(a).max(initial=0.0)) for a in acting), default=0.0)
@@ -259,6 +285,10 @@ class Model(EffectModel):
         for e in self.effects:
             for name, factor in e.factors(e.symbols(owner), seen).items():
                 factors[name] = factors.get(name, sp.S.One) * factor
+        masses: dict[str, dict[str, sp.Expr]] = {axis: {} for axis in total}
+        for e in self.effects:
+            for axis, factor in e.inertia(e.symbols(owner), seen).items():
+                masses[axis][e.name] = factor
         for e in self.effects:
             terms = e.terms(e.symbols(owner), seen)
             if not isinstance(terms, dict) or not set(terms) <= set(total):
@@ -266,7 +296,8 @@ class Model(EffectModel):
                     f"effect {e.name}: terms() must return a dict with keys u, v, r, not {terms!r}"
                 )
             for axis, term in terms.items():
-                total[axis] += factors.get(e.name, sp.S.One) * term
+                mass = sp.Mul(*(m for name, m in masses[axis].items() if name != e.name))
+                total[axis] += factors.get(e.name, sp.S.One) * mass * term
         return total
 
     def _motion_seen(self, owner: str, motion: SimpleNamespace) -> SimpleNamespace:
@@ -299,11 +330,21 @@ class Model(EffectModel):
         if key not in _WAYS:
             if len(_WAYS) > 500:
                 _WAYS.clear()
-            thrusts = {f.name: f.force(owner) for f in self.fans} or {THRUST.name: motion.thrust}
-            units = self.input_units() | {f.name: "N" for f in self.fans}
-            way = SimpleNamespace(thrusts=thrusts, rudder=motion.rudder, time=time, units=units, delay=None)
+            sent = {f.name: f.command().symbol for f in self.fans} or {THRUST.name: motion.thrust}
+            way = SimpleNamespace(
+                thrusts=sent,
+                rudder=motion.rudder,
+                inputs=dict(motion.inputs),
+                time=time,
+                units=self.input_units(),
+                delay=None,
+            )
             states: dict[Signal, sp.Expr] = {}
-            for e in changing:
+            for e in (e for e in changing if e.before_curve):
+                states |= e.commands(e.symbols(owner), way)
+            way.thrusts |= {f.name: f.force(owner, way.thrusts[f.name]) for f in self.fans}
+            way.units |= {f.name: "N" for f in self.fans}
+            for e in (e for e in changing if not e.before_curve):
                 states |= e.commands(e.symbols(owner), way)
             _WAYS[key] = states, way
         states, way = _WAYS[key]
@@ -424,12 +465,14 @@ def motion_symbols(fans: Iterable[Fan] = (), owner: str = "plant") -> SimpleName
     symbols: dict[str, Any] = {signal.name: signal.symbol for signal in (*MOTION, THRUST, RUDDER)}
     s = SimpleNamespace(**symbols, time=time)
     s.air_u, s.air_v = s.u, s.v
+    s.inputs = {c.name: c.symbol for c in (THRUST, RUDDER, *(f.command() for f in fans))}
     _add_forces(s, fans, owner, {f.name: f.force(owner) for f in fans})
     return s
 
 
 def _add_forces(s: SimpleNamespace, fans: Iterable[Fan], owner: str, forces: Mapping[str, sp.Expr]) -> None:
     """Set the force vector of the rudder craft's commands, and the wrench of the fans' forces."""
+    s.thrusts = dict(forces) or {THRUST.name: s.thrust}
     s.thrust_x = s.thrust * sp.cos(s.rudder)
     s.thrust_y = s.thrust * sp.sin(s.rudder)
     s.fan_x = s.fan_y = s.fan_torque = s.fan_cross_torque = sp.S.Zero

@@ -27,13 +27,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from hovercontrol.core.boundary import as_user, checked
 from hovercontrol.core.signals import Signal
 from hovercontrol.core.units import UnitError, conversion_factor
-from hovercontrol.effects import Effect, effect, effect_class
+from hovercontrol.effects import Effect
 from hovercontrol.effects.base import resolved_unit
 from hovercontrol.errors import InputError, shown
 from hovercontrol.io.files import write_atomically
@@ -90,14 +91,14 @@ def model_from_table(content: Mapping[str, Any]) -> Model:
     effects = table("[effects]", content.get("effects", {}))
     signals = {s.name: _input(s, inputs.get(s.name, {})) for s in (THRUST, RUDDER)}
     units = {name: s.unit for name, s in signals.items()}
-    return Model(
+    craft = Model(
         text("plant.name", plant.get("name", "hovercraft")),
-        tuple(_effect(key, value, units) for key, value in effects.items()),
         thrust=signals["thrust"],
         rudder=signals["rudder"],
         fans=tuple(_fan(key, value) for key, value in fans.items()),
         limited=limited,
     )
+    return replace(craft, effects=tuple(_effect(craft, key, value, units) for key, value in effects.items()))
 
 
 @checked
@@ -130,7 +131,8 @@ def model_text(model: Model) -> str:
 
     Examples
     --------
-    >>> print(model_text(Model("puck", [effect("yaw_linear_drag", 0.5)])), end="")
+    >>> import hovercontrol as hc
+    >>> print(model_text(Model("puck", [hc.effect("yaw_linear_drag", 0.5)])), end="")
     [plant]
     name = "puck"
     <BLANKLINE>
@@ -234,15 +236,15 @@ def _curve(fan: str, value: Any) -> Polynomial | BenchCurve:
         raise InputError(f"fans.{fan}: {error}") from None
 
 
-def _effect(name: str, value: Any, units: Mapping[str, str]) -> Effect:
+def _effect(craft: Model, name: str, value: Any, units: Mapping[str, str]) -> Effect:
     try:
-        cls = effect_class(name)
+        cls = craft.effect_class(name)
     except InputError as error:
         raise InputError(
             f"{error} (an own effect: load this file in the Python file that defines the effect)"
         ) from None
     if not isinstance(value, dict):
-        return effect(name, number(f"effects.{name}", value))
+        return cls(number(f"effects.{name}", value))
     given = dict(value)
     check_keys(f"key in effects.{name}", given, (*cls.numbers, "unit"))
     unit = given.pop("unit", None)
@@ -255,4 +257,4 @@ def _effect(name: str, value: Any, units: Mapping[str, str]) -> Effect:
             numbers["value"] *= conversion_factor(text(f"effects.{name}.unit", unit), wanted)
         except InputError:
             raise UnitError(f"effects.{name}: unit must be like {wanted!r}, found {shown(unit)}") from None
-    return effect(name, **numbers)
+    return cls(**numbers)

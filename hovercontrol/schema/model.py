@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from hovercontrol.core.boundary import checked
 from hovercontrol.effects import Effect, effect_class, effect_names
+from hovercontrol.effects.fan_classes import ENDINGS, fan_effects
 from hovercontrol.schema.parts import NUMBER, TEXT, Schema, array, between, document, table
 
 
@@ -33,7 +34,9 @@ def model_schema() -> Schema:
 
 def effects_schema() -> Schema:
     """Return the schema of a section of effects."""
-    return table({name: _effect(effect_class(name)) for name in effect_names()})
+    of_fans = dict(zip(ENDINGS, fan_effects("fan").values(), strict=True))
+    own = {f"^.+{ending}$": _effect(cls) for ending, cls in of_fans.items()}
+    return {**table({name: _effect(effect_class(name)) for name in effect_names()}), "patternProperties": own}
 
 
 def _effect(cls: type[Effect]) -> Schema:

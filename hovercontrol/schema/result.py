@@ -59,6 +59,7 @@ class NamedEffect(TypedDict):
 
     name: str
     equation: Annotated[str, "where it acts"]
+    place: Annotated[str, "where in the loop: command, actuator, force, sensor or clock, and of what"]
     coefficient: float
     std: Annotated[float, "standard error"]
     unit: str
@@ -81,6 +82,7 @@ class Rival(TypedDict):
     """An effect that cannot be told from a named one."""
 
     name: str
+    place: Annotated[str, "where in the loop: command, actuator, force, sensor or clock, and of what"]
     reason: str
 
 

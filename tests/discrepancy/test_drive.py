@@ -62,6 +62,10 @@ LAWS = {
     "force_backlash": {"width": 10.0},
     "force_lag": {"seconds": 0.03},
     "force_saturation": {"limit": 40.0},
+    "v_asymmetric_drag": {"value": 0.3},
+    "force_asymmetry": {"value": 0.1},
+    "force_second_order_lag": {"seconds": 0.02, "damping": 0.4},
+    "force_hysteresis": {"value": 0.4, "play": 20.0},
 }
 
 
@@ -95,3 +99,15 @@ def test_late_commands_are_one_finding_with_two_readings():
 def test_nothing_is_named_where_nothing_is_missing():
     found = diagnose(drive(), [trial(drive(), 1)], trial(drive(), 2))
     assert (found.verdict, list(found.effects)) == ("none", [])
+
+
+@pytest.mark.slow
+def test_an_offset_of_the_command_is_one_finding_with_two_places():
+    truth = drive().with_effects([drive().effect_class("force_offset")(5.0)])
+    found = diagnose(drive(), [trial(truth, 1)], trial(truth, 2))
+    assert (found.verdict, [e.effect for e in found.effects]) == ("effect", ["v_offset"])
+    assert found.effects[0].value == pytest.approx(0.05 * 5.0, abs=2.0 * found.effects[0].std + 1e-3)
+    result = found.result()
+    assert result["effects"][0]["readings"] == ["v_offset", "force_offset"]
+    assert result["effects"][0]["place"] == "force in v'"
+    assert [r["place"] for r in result["rivals"]] == ["command of force"]

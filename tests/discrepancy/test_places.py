@@ -3,7 +3,7 @@
 import pytest
 
 from hovercontrol import effect, vehicle
-from hovercontrol.discrepancy.places import commands_of
+from hovercontrol.discrepancy.places import commands_of, place_of
 from hovercontrol.estimation.subject import structure
 
 CASES = [
@@ -28,3 +28,18 @@ def test_a_lag_behind_a_lag_acts_on_the_same_command():
     model = vehicle("c17_experiment").with_effects(more)
     block, last = structure(model), model.effect("rudder_rate_limit")
     assert commands_of(block, {block.parameter(last.parameter("limit")).symbol}) == "command rudder"
+
+
+SAID = [
+    ("c17_experiment", "rudder_offset", {"value": 0.1}, "actuator of rudder"),
+    ("c17_experiment", "thrust_deadzone", {"width": 0.1}, "actuator of thrust"),
+    ("four_fan", "front_left_curve", {"value": 0.1}, "actuator of front_left"),
+    ("four_fan", "fan_crosstalk", {"value": 0.1}, "actuator of all inputs"),
+    ("c17_experiment", "sway_mass", {"value": 0.1}, "force in u' v'"),
+]
+
+
+@pytest.mark.parametrize(("craft", "name", "numbers", "said"), SAID)
+def test_a_place_names_the_input_that_an_effect_changes(craft, name, numbers, said):
+    model = vehicle(craft)
+    assert place_of(model, model.effect_class(name)(**numbers)) == said

@@ -54,6 +54,7 @@ FORCE = {
     "yaw_cubic_drag": (0.2, [0, 0, -0.2 * R**3]),
     "body_surge_force": (0.3, [0.3, 0, 0]),
     "body_side_force": (-0.3, [0, -0.3, 0]),
+    "body_yaw_torque": (-0.3, [0, 0, -0.3]),
     "thrust_yaw_torque": (0.5, [0, 0, 0.5 * T]),
     "thrust_rudder_loss": (0.8, -0.8 * TH**2 * forces(T, TH)),
     "sway_yaw_coupling": (0.6, [0, 0, 0.6 * V]),
@@ -152,6 +153,49 @@ def test_all_forces_fade_alike_on_a_craft_that_grows_heavier(t):
     np.testing.assert_allclose(
         beside, EARTH + np.array([0.25 * V * R, 0, 0]), atol=1e-12
     )  # whatever the mass
+
+
+def test_another_mass_in_sway_follows_kirchhoff():
+    """m11 u' = m22 v r + X, m22 v' = -m11 u r + Y: Fossen, 6.3, with m22 = 1.3 m11."""
+    craft = c17_simulation()
+    X, Y, N = dots(craft)[3:6] - [V * R, -U * R, 0.0]
+    found = dots(craft.with_effects([effect("sway_mass", 0.3)]))[3:6]
+    np.testing.assert_allclose(found, [1.3 * V * R + X, (-U * R + Y) / 1.3, N], atol=1e-12)
+
+
+def test_flow_across_the_hull_drags_in_sway_and_yaw():
+    found = change(effect("cross_flow_drag", sway=0.4, yaw=0.7))
+    np.testing.assert_allclose(found, [0.0, -0.4 * abs(V) * V, -0.7 * abs(V) * R], atol=1e-12)
+
+
+def test_air_of_the_cushion_turns_with_the_hull_late():
+    block = Model("one", [effect("cushion_swirl", 0.8, seconds=0.5)]).plant()
+    found = block.to_numpy().derivatives(0.0, [*STATE, 0.3])
+    np.testing.assert_allclose(found[[5, 6]], [-0.8 * (R - 0.3), (R - 0.3) / 0.5])
+    times = np.linspace(0.0, 3.0, 301)
+    run = block.compile().simulate(times, x0=[0, 0, 0, 0, 0, 1.0, 0.0], rtol=1e-10, atol=1e-12)
+    rate = np.asarray(run.outputs)[list(run.output_labels).index("r")]
+    # d = r - w falls as exp(-(c + 1/tau) t), and r = 1 - c times the integral of d
+    fast = 0.8 + 1 / 0.5
+    np.testing.assert_allclose(rate, 1 - 0.8 / fast * (1 - np.exp(-fast * times)), atol=1e-7)
+
+
+PLACES = {
+    "input_delay": "command",
+    "fan_signal_lag": "command",
+    "fan_lag": "actuator",
+    "rudder_offset": "actuator",
+    "sway_mass": "force",
+    "wind": "force",
+    "parameter_jump": "force",
+    "gyro_bias": "sensor",
+    "time_offset": "clock",
+}
+
+
+@pytest.mark.parametrize("name", PLACES)
+def test_the_place_of_an_effect_follows_from_what_it_defines(name):
+    assert effect_class(name).place() == PLACES[name]
 
 
 def measured(*effects):

@@ -65,6 +65,9 @@ FORCES = {
     "v_stribeck": ((0.4,), {"width": 1e-3, "speed": 0.5}, 0.4 * math.exp(-((V / 0.5) ** 2))),
     "v_load_friction": ((0.04,), {"width": 1e-3}, 0.04 * PUSH),
     "v_spring": ((3.0,), {}, -3.0 * Q),
+    "v_asymmetric_drag": ((0.4,), {}, -0.4 * abs(V)),
+    "u_offset": ((0.5,), {}, 0.5 * K / J),
+    "u_asymmetry": ((0.2,), {}, 0.2 * A * K / J),
     "u_deadzone": ((0.5,), {}, -0.5 * K / J),
     "u_saturation": ((0.5,), {}, (0.5 - A) * K / J),
 }
@@ -82,11 +85,31 @@ def test_what_has_a_memory():
     force, (slope,) = changed("u_backlash", x=[0.4], width=0.2)
     acting = A - 0.1  # half the width behind the command at once
     assert (force, slope) == pytest.approx(((acting - A) * K / J, (acting - 0.4) / TAU))
+    force, (slope,) = changed("u_hysteresis", x=[0.4], value=0.3, play=0.2)
+    assert (force, slope) == pytest.approx((0.3 * (acting - A) * K / J, (acting - 0.4) / TAU))
+    force, slopes = changed("u_second_order_lag", x=[0.4, 0.7], seconds=0.2, damping=0.5)
+    expected = (0.4 - A) * K / J, 0.7, (A - 0.4 - 2 * 0.5 * 0.2 * 0.7) / 0.2**2
+    assert (force, *slopes) == pytest.approx(expected)
     numbers = {"stiffness": 400.0, "damping": 8.0, "coulomb": 0.5, "static": 0.8, "speed": 0.5}
     z, level = 1e-3, 0.5 + 0.3 * math.exp(-((V / 0.5) ** 2))
     bent = V - 400 * abs(V) * z / level
     force, (slope,) = changed("v_lugre", x=[z], **numbers)
     assert (force, slope) == pytest.approx((-400 * z - 8 * bent, bent))
+
+
+def test_an_offset_of_a_command_and_one_of_the_force_are_one_only_where_no_log_tells_them_apart():
+    model = drive()
+    command, force = model.effect_class("u_offset")(0.5), model.effect_class("v_offset")(0.5)
+    assert command.twin(force) and force.twin(command) and not command.twin(command)
+    assert (command.place(), force.place()) == ("command", "force")
+    by_command = model.with_effects([command]).plant().to_numpy()
+    by_force = model.with_effects([type(force)(0.5 * K / J)]).plant().to_numpy()
+    for x in ([Q, V], [2.0, 3.0]):
+        assert by_command.derivatives(1.0, x, [A]) == pytest.approx(by_force.derivatives(1.0, x, [A]))
+    v, u, k = Signal("v", "m/s"), Signal("u", "V"), Signal("k", "m/s^2/V^2", start=2.0)
+    curved = BlockModel(Block("pump", [v], [u], [v], [k], {"v": k.symbol * u.symbol**2}))
+    two = curved.effect_class("u_offset")(0.1), curved.effect_class("v_offset")(0.1)
+    assert not two[0].twin(two[1]), "behind a curve an offset of the command varies with the command"
 
 
 def test_friction_of_the_load_sees_the_drive_as_it_arrives():

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from hovercontrol.effects import effect, effect_class, effect_names
+from hovercontrol.effects import Coefficient, Effect, effect, effect_class, effect_names
 from hovercontrol.errors import InputError
 from hovercontrol.estimation.measure import measure
 from hovercontrol.logs import Log
@@ -134,12 +134,59 @@ def test_a_craft_with_curves_and_gains_survives_the_disk(curve, tmp_path):
     assert again.plant() == model.plant()
 
 
+def test_one_fan_may_have_a_gain_and_a_bend_of_its_own(tmp_path):
+    bare = craft()
+    gain, bend = bare.effect_class("b_gain")(0.8), bare.effect_class("a_curve")(0.3, scale=0.4)
+    found = pushed(bare.with_effects([gain, bend]), [0.2, 0.3])
+    np.testing.assert_allclose(found[3:], wrench([0.2 * (1 + 0.3 * (1 - 0.2 / 0.4)), 0.24]))
+    again = load_model(save_model(bare.with_effects([gain, bend]), tmp_path / "craft.toml"))
+    assert again == bare.with_effects([gain, bend])
+    given = craft(gain=1.0)
+    assert "a_gain" not in {cls.name for cls in given.candidates()}, "it is a coefficient already"
+    with pytest.raises(InputError, match="unknown effect 'c_gain'"):
+        bare.effect_class("c_gain")
+
+
+def test_fans_that_share_a_supply_weaken_each_other():
+    found = pushed(craft(effect("fan_crosstalk", 0.5)), [0.2, 0.3])
+    np.testing.assert_allclose(found[3:], wrench([0.2 * (1 - 0.5 * 0.3), 0.3 * (1 - 0.5 * 0.2)]))
+
+
+def test_the_speed_of_a_fan_lags_before_its_static_curve():
+    def law(s):
+        return sum(c * s**k for k, c in enumerate(HOLOHOVER, 1))
+
+    found = pushed(craft(effect("fan_signal_lag", seconds=0.05), curve=HOLOHOVER), [0.7, 0.1], [0.4, 0.3])
+    np.testing.assert_allclose(found[3:6], wrench([law(0.4), law(0.3)]))
+    np.testing.assert_allclose(found[6:], [0.3 / 0.05, -0.2 / 0.05])
+    assert not craft().accepts(effect_class("fan_signal_lag")), "without a curve it is fan_lag"
+
+
+class _SideWash(Effect, register=False):
+    """One fan's wash on the hull, by its signal and by its force."""
+
+    name, source = "side_wash", "a test"
+    value = Coefficient("rad/s^2")
+    wash = Coefficient("rad/s^2/N")
+
+    def terms(self, c, s):
+        return {"r": c.value * s.inputs["a"] + c.wash * (s.thrusts["a"] + 10 * s.thrusts["b"])}
+
+
+def test_an_effect_of_ones_own_sees_each_fan_as_it_is_sent_and_as_it_acts():
+    lagged = craft(_SideWash(1.0, wash=10.0), effect("fan_lag", seconds=0.05), curve=HOLOHOVER)
+    without = craft(effect("fan_lag", seconds=0.05), curve=HOLOHOVER)
+    added = pushed(lagged, [0.7, 0.1], [0.2, 0.03])[5] - pushed(without, [0.7, 0.1], [0.2, 0.03])[5]
+    assert added == pytest.approx(0.7 + 10 * 0.2 + 100 * 0.03)
+
+
 # ---- what may be missing -------------------------------------------------------------------------
 
 SAME = {"thrust_lag", "input_delay"}
 RUDDER = {n for n in effect_names() if "rudder" in n} | {"thrust", "thrust_yaw_torque", "load_friction"}
 ASKED_FOR = {
-    "air_drag", "gyro_drift", "mass_drift", "surge_cubic_drag", "sway_cubic_drag", "yaw_cubic_drag",
+    "air_drag", "body_yaw_torque", "gyro_drift", "mass_drift", "surge_cubic_drag",
+    "sway_cubic_drag", "yaw_cubic_drag",
 }  # fmt: skip
 FAN = {n for n in effect_names() if n.startswith("fan_")}
 
@@ -150,7 +197,9 @@ def test_a_search_tries_what_acts_on_the_craft():
     found = {cls.name for cls in rudder.candidates()}
     assert found == everything - FAN - ASKED_FOR - {e.name for e in rudder.effects}
     found = {cls.name for cls in fan.candidates()}
-    assert found == everything - RUDDER - SAME - ASKED_FOR - {e.name for e in fan.effects}
+    each = {f"{f.name}_{what}" for f in fan.fans for what in ("gain", "curve")}
+    before = {"fan_signal_lag"}  # without a static curve it is the lag of the force
+    assert found == (everything | each) - RUDDER - SAME - ASKED_FOR - before - {e.name for e in fan.effects}
     bare = {cls.name for cls in Model("puck").candidates()}
     assert not bare & (RUDDER | SAME | FAN | ASKED_FOR | {"battery_sag", "thrust_curve", "thrust_deadzone"})
 

@@ -92,7 +92,8 @@ def test_the_cockpit_says_that_it_needs_a_craft(tmp_path, monkeypatch, capsys):
 def test_every_line_that_is_commented_out_can_be_used(kind, tmp_path):
     lines = template(kind, "craft", "craft.toml").splitlines()
     craft = load_text("\n".join(lines), tmp_path)
-    offered = [k for k, line in enumerate(lines) if line.removeprefix("# ").split(" = ")[0] in Effect.known]
+    known = {*Effect.known, *(cls.name for cls in craft.candidates())}
+    offered = [k for k, line in enumerate(lines) if line.removeprefix("# ").split(" = ")[0] in known]
     names = {lines[k].removeprefix("# ").split(" = ")[0] for k in offered}
     assert names >= {cls.name for cls in craft.candidates()} | {e.name for e in craft.effects}
     for k in offered:

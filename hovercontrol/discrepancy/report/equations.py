@@ -82,14 +82,14 @@ def _added(m: Context) -> Table:
     rows = [
         (
             e.parameter,
-            _places(e.acts_in),
+            _places(e.acts_in) if e.place.startswith("force") else prime(e.place),
             plus_minus(e.value, e.std),
             unit(e.unit),
             m.diagnosis.amended.effect(e.effect).source or "your own",
         )
         for e in m.diagnosis.effects
     ]
-    return table(("number", "acts in", "found ± standard error", "unit", "source"), rows)
+    return table(("number", "place", "found ± standard error", "unit", "source"), rows)
 
 
 def _places(acts_in: str) -> str:

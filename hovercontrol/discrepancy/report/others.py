@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from hovercontrol.discrepancy.criteria import CRITERIA
+from hovercontrol.discrepancy.places import place_of_rival
 from hovercontrol.discrepancy.report.context import Context
 from hovercontrol.discrepancy.report.formatting import effect_words, prime, rounded
 from hovercontrol.discrepancy.report.templates import Table, render, table
@@ -32,13 +33,14 @@ def _rivals(m: Context) -> Table | None:
     rows = [
         (
             effect_words(r.name),
+            prime(place_of_rival(r)),
             effect_words(r.instead_of),
             "both have the same effect on every log" if r.same else _odds(r.behind),
             "" if r.same else f"{r.t:.1f}",
         )
         for r in m.diagnosis.rivals
     ]
-    return table(("effect", "instead of", "less likely", "standard errors"), rows) if rows else None
+    return table(("effect", "place", "instead of", "less likely", "standard errors"), rows) if rows else None
 
 
 def _odds(behind: float) -> str:

@@ -90,8 +90,10 @@ def catalogue(model: Subject, names: Sequence[str] | None = None) -> list[type[E
     """Return the classes of the effects that a model may lack: those named, or all that it accepts."""
     have = {e.name for e in model.effects}
     shifted = any(e.shifts_time for e in model.effects)  # a second shift in time would be the same effect
+    told = have | {e.same_as for e in model.effects}  # as would be one in another place
     found = model.candidates() if names is None else [model.effect_class(name) for name in names]
-    return [cls for cls in found if cls.name not in have and not (shifted and cls.shifts_time)]
+    new = (cls for cls in found if cls.name not in told and cls.same_as not in have)
+    return [cls for cls in new if not (shifted and cls.shifts_time)]
 
 
 def beyond(model: Subject, names: Sequence[str] | None = None) -> list[str]:
