@@ -1,6 +1,6 @@
 """A plant over one period as a CasADi function, and its optimal control problem by multiple shooting.
 
-The unknowns are the states x_0 ... x_N, the inputs u_0 ... u_N-1 and slacks s_1 ... s_N >= 0::
+The unknowns are the states x_0 ... x_N, the inputs u_0 ... u_N-1 and slacks s_1 ... s_N-1 >= 0::
 
     minimise    sum_k |x_k - r_k|_Q^2 + |u_k|_R^2 + |u_k - u_k-1|_S^2 + w_1 s_k + w_2 |s_k|^2
     subject to  x_k+1 = F(x_k, u_k),  x_0 given,
@@ -24,10 +24,11 @@ from hovercontrol.core.block import Block
 from hovercontrol.targets.casadi import import_casadi
 
 Array = NDArray[np.float64]
+Places = NDArray[np.intp]
 
 #: Linear and quadratic weight of a slack [1/unit, 1/unit^2]. The linear one is larger than the multipliers of
 #: the constraints in a problem with weights of about 1 to 100, so that a slack is used only if it must be.
-SLACK = (1e4, 1e4)
+SLACK = (1e3, 1e3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,13 +107,23 @@ class Stage:
 class Problem:
     """The optimal control problem of a stage, made by :func:`transcribe`; unknowns w, parameters p.
 
+    The unknowns are in the order of stages, ``x_0, u_-1, u_0, x_1, u_0, u_1, s_1, ... x_N, u_N-1``: with
+    the previous input as a state, each stage is coupled to the next one alone.
+
     Parameters
     ----------
     nlp : dict
         ``x`` (w), ``p``, ``f`` (cost) and ``g`` (constraints), as ``casadi.nlpsol`` takes them.
     lbx, ubx, lbg, ubg : ndarray, shapes (n_w,) and (n_g,)
-        Bounds of w and g.
-    n_states, n_inputs, horizon : int
+        Bounds of w and g; those of the first n_states + n_inputs unknowns are the present state and input.
+    structure : dict
+        Numbers of states, inputs and constraints of each stage, as HPIPM takes them.
+    states : ndarray of int, shape (horizon + 1, n_states)
+        Places of the states in w.
+    inputs : ndarray of int, shape (horizon, n_inputs)
+        Places of the inputs in w.
+    held : ndarray of int, shape (horizon + 1, n_inputs)
+        Places of the previous inputs in w.
     """
 
     nlp: dict[str, Any]
@@ -120,19 +131,20 @@ class Problem:
     ubx: Array
     lbg: Array
     ubg: Array
-    n_states: int
-    n_inputs: int
-    horizon: int
+    structure: dict[str, Any]
+    states: Places
+    inputs: Places
+    held: Places
 
-    def split(self, w: Array) -> tuple[Array, Array]:
-        """Return the states, shape (horizon + 1, n_states), and inputs, shape (horizon, n_inputs), of w."""
-        n, m, N = self.n_states, self.n_inputs, self.horizon
-        return w[: n * (N + 1)].reshape(N + 1, n), w[n * (N + 1) : n * (N + 1) + m * N].reshape(N, m)
+    @property
+    def horizon(self) -> int:
+        """Number of periods."""
+        return len(self.inputs)
 
-    def join(self, x: Array, u: Array) -> Array:
-        """Return w of states and inputs, with slacks of 0."""
+    def join(self, x: Array, u: Array, before: Array) -> Array:
+        """Return w of states, inputs and the input before them, with slacks of 0."""
         w = np.zeros(self.lbx.size)
-        w[: x.size], w[x.size : x.size + u.size] = x.ravel(), u.ravel()
+        w[self.states], w[self.inputs], w[self.held] = x, u, np.vstack([before, u])
         return w
 
 
@@ -150,41 +162,55 @@ def transcribe(
     final : float
         Factor on Q at the end of the horizon, dimensionless.
     every : sequence of int
-        Indices of the states with a weight; p has x_0, u_-1 and then r_0 ... r_N of these states.
+        Indices of the states with a weight; p has r_0 ... r_N of these states.
     """
     ca = import_casadi()
     n, m, N = len(stage.plant.states), len(stage.plant.inputs), horizon
     F, room = stage.step(stage.period), stage.room()
     n_s = room.size1_out(0)
-    x, u, s = ca.MX.sym("x", n, N + 1), ca.MX.sym("u", m, N), ca.MX.sym("s", n_s, N)
-    x0, u0, r = ca.MX.sym("x0", n), ca.MX.sym("u0", m), ca.MX.sym("r", len(every), N + 1)
+    size = 2 * m + n + n_s  # of a stage; the first has no slacks, the last neither slacks nor inputs
+    begin = np.r_[0, n + 2 * m + size * np.arange(N)]
+    states = begin[:, None] + np.arange(n)
+    held = begin[:, None] + n + np.arange(m)
+    inputs = held[:-1] + m
+    slacks = begin[1:-1, None] + size - n_s + np.arange(n_s)
+    w = ca.MX.sym("w", int(begin[-1]) + n + m)
+    x, u, v, s = (
+        ca.reshape(w[places.ravel().tolist()], places.shape[1], len(places))
+        for places in (states, inputs, held, slacks)
+    )
+    r = ca.MX.sym("r", len(every), N + 1)
     Q, R, S = (ca.DM(w) for w in (weights[0][list(every)], *weights[1:]))
-    change = u - ca.horzcat(u0, u[:, :-1])
-    error = x[list(every), :] - r
+    change = u - v[:, :-1]
     scale = np.ones((1, N + 1))
     scale[0, -1] = final
-    cost = ca.sum2(ca.mtimes(Q.T, error**2) * ca.DM(scale))
+    cost = ca.sum2(ca.mtimes(Q.T, (x[list(every), :] - r) ** 2) * ca.DM(scale))
     cost += ca.sum2(ca.mtimes(R.T, u**2)) + ca.sum2(ca.mtimes(S.T, change**2))
     cost += SLACK[0] * ca.sum1(ca.vec(s)) + SLACK[1] * ca.sumsqr(s)
     limited = np.flatnonzero(np.isfinite(stage.rate)).tolist()
-    rows = [x[:, 0] - x0, ca.vec(x[:, 1:] - F.map(N)(x[:, :-1], u)), ca.vec(change[limited, :])]
-    if n_s:
-        rows.append(ca.vec(room.map(N)(x[:, 1:]) + s))
-    fast = np.tile(stage.rate[limited] * stage.period, N)
-    exact, free = np.zeros(n * (N + 1)), np.full(n * (N + 1), np.inf)
-    soft = np.zeros(n_s * N)
+    fast = stage.rate[limited] * stage.period
+    # F(x_k, u_k) - x_k+1 = 0,  u_k - v_k+1 = 0,  |u_k - v_k| <= rate h,  g(x_k) + s_k >= 0
+    after, free = F.map(N)(x[:, :-1], u), room.map(N - 1)(x[:, 1:-1]) + s
+    rows, low_g, high_g = [], [], []
+    for k in range(N + 1):
+        if k < N:
+            rows += [after[:, k] - x[:, k + 1], u[:, k] - v[:, k + 1], change[limited, k]]
+            low_g += [np.zeros(n + m), -fast]
+            high_g += [np.zeros(n + m), fast]
+        if 0 < k < N:
+            rows.append(free[:, k - 1])
+            low_g.append(np.zeros(n_s))
+            high_g.append(np.full(n_s, np.inf))
+    lower, upper = np.full(w.size1(), -np.inf), np.full(w.size1(), np.inf)
+    lower[inputs], upper[inputs] = stage.lower, stage.upper
+    lower[slacks] = 0.0
+    structure = {
+        "N": N,
+        "nx": [n + m] * (N + 1),
+        "nu": [m, *[m + n_s] * (N - 1), 0],
+        "ng": [len(limited), *[len(limited) + n_s] * (N - 1), 0],
+    }
+    nlp = {"x": w, "p": ca.vec(r), "f": cost, "g": ca.vertcat(*rows)}
     return Problem(
-        {
-            "x": ca.vertcat(ca.vec(x), ca.vec(u), ca.vec(s)),
-            "p": ca.vertcat(x0, u0, ca.vec(r)),
-            "f": cost,
-            "g": ca.vertcat(*rows),
-        },
-        np.r_[-free, np.tile(stage.lower, N), soft],
-        np.r_[free, np.tile(stage.upper, N), np.full(soft.size, np.inf)],
-        np.r_[exact, -fast, soft],
-        np.r_[exact, fast, np.full(soft.size, np.inf)],
-        n,
-        m,
-        N,
+        nlp, lower, upper, np.concatenate(low_g), np.concatenate(high_g), structure, states, inputs, held
     )
