@@ -23,6 +23,7 @@ from benchmarks import (
     lacking,
     large_log,
     log_formats,
+    mpc,
     navigation,
     real_logs,
     regions,
@@ -54,6 +55,7 @@ ALL = {
     "log_formats": log_formats,
     "autopilot": autopilot,
     "navigation": navigation,
+    "mpc": mpc,
 }
 
 

@@ -116,8 +116,6 @@ class Problem:
         ``x`` (w), ``p``, ``f`` (cost) and ``g`` (constraints), as ``casadi.nlpsol`` takes them.
     lbx, ubx, lbg, ubg : ndarray, shapes (n_w,) and (n_g,)
         Bounds of w and g; those of the first n_states + n_inputs unknowns are the present state and input.
-    structure : dict
-        Numbers of states, inputs and constraints of each stage, as HPIPM takes them.
     states : ndarray of int, shape (horizon + 1, n_states)
         Places of the states in w.
     inputs : ndarray of int, shape (horizon, n_inputs)
@@ -131,7 +129,6 @@ class Problem:
     ubx: Array
     lbg: Array
     ubg: Array
-    structure: dict[str, Any]
     states: Places
     inputs: Places
     held: Places
@@ -204,13 +201,7 @@ def transcribe(
     lower, upper = np.full(w.size1(), -np.inf), np.full(w.size1(), np.inf)
     lower[inputs], upper[inputs] = stage.lower, stage.upper
     lower[slacks] = 0.0
-    structure = {
-        "N": N,
-        "nx": [n + m] * (N + 1),
-        "nu": [m, *[m + n_s] * (N - 1), 0],
-        "ng": [len(limited), *[len(limited) + n_s] * (N - 1), 0],
-    }
     nlp = {"x": w, "p": ca.vec(r), "f": cost, "g": ca.vertcat(*rows)}
     return Problem(
-        nlp, lower, upper, np.concatenate(low_g), np.concatenate(high_g), structure, states, inputs, held
+        nlp, lower, upper, np.concatenate(low_g), np.concatenate(high_g), states, inputs, held
     )
