@@ -39,7 +39,7 @@ def closed_loop(solver: Any, duration: float) -> tuple[Any, np.ndarray[Any, Any]
         times.append(thread_time() - begin)
         return found
 
-    controller.control = timed  # type: ignore[method-assign]
+    controller.control = timed  # type: ignore[assignment,method-assign]
     return controller.simulate(duration), np.array(times)
 
 
@@ -51,9 +51,15 @@ def rows() -> Iterator[tuple[str, str, str, bool | None]]:
     x, y, radius = OBSTACLE
     room = np.hypot(run.states[0] - x, run.states[1] - y).min() - radius
     yield "least distance from the obstacle in 60 s", f"{room:.3f} m", ">= 0 m", bool(room >= 0.0)
-    inside = all(low <= u.min() and u.max() <= high for u, (low, high) in zip(run.inputs, LIMITS.values(), strict=True))
+    limited = zip(run.inputs, LIMITS.values(), strict=True)
+    inside = all(low <= u.min() and u.max() <= high for u, (low, high) in limited)
     yield "limits of thrust and rudder hold in 60 s", str(inside), "True", inside
     past = max(np.hypot(run.states[0] - a, run.states[1] - b).min() for a, b in WAYPOINTS)
     yield "farthest from a waypoint when passing it", f"{past:.3f} m", "", None
     _, times = closed_loop("ipopt", 5.0)
-    yield "the same with IPOPT, median and worst", f"{1e3 * np.median(times):.1f}, {1e3 * times.max():.1f} ms", "", None
+    yield (
+        "the same with IPOPT, median and worst",
+        f"{1e3 * np.median(times):.1f}, {1e3 * times.max():.1f} ms",
+        "",
+        None,
+    )

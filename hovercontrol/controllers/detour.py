@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -34,7 +36,13 @@ class Way:
 
     def at(self, s: Array) -> Array:
         """Return the points at lengths s [m] from the start, shape (2, n); beyond the end, the end."""
-        return np.array([np.interp(s, self._at, column) for column in self._points.T])
+        return np.array([np.interp(s, self._at, column) for column in self._points.T], dtype=np.float64)
+
+    def ahead(self, s: float) -> Array:
+        """Return the point at a length s [m], shape (2,); beyond the end, on the last leg's extension."""
+        legs = np.diff(self._points[-2:], axis=0)
+        last = legs[0] / np.hypot(*legs[0]) if len(legs) else np.zeros(2)
+        return self.at(np.array([s]))[:, 0] + max(0.0, s - self.length) * last
 
     def nearest(self, point: Array, begin: float, end: float) -> float:
         """Return the length [m] between `begin` and `end` at which the way is nearest to a point."""
@@ -69,11 +77,11 @@ def way_around(points: Array, obstacles: Array) -> Way:
         for cx, cy, radius in obstacles:
             if np.hypot(point[0] - cx, point[1] - cy) < radius:
                 raise InputError(
-                    f"waypoint {k} ({point[0]:g}, {point[1]:g}) m lies within {radius:g} m of the obstacle at "
-                    f"({cx:g}, {cy:g}) m (its radius and the clearance)"
+                    f"waypoint {k} ({point[0]:g}, {point[1]:g}) m lies within {radius:g} m of the obstacle "
+                    f"at ({cx:g}, {cy:g}) m (its radius and the clearance)"
                 )
     found = [points[:1]]
-    for a, b in zip(points[:-1], points[1:], strict=True):
+    for a, b in pairwise(points):
         found.append(_leg(a, b, obstacles, DEPTH)[1:])
     return Way(np.concatenate(found))
 
@@ -106,7 +114,7 @@ def _leg(a: Array, b: Array, obstacles: Array, depth: int) -> Array:
         hull.append(point)
     bent = np.array([a + p[0] * along + side * p[1] * left for p in hull])
     others = np.delete(obstacles, worst, axis=0)
-    pieces = [_leg(p, q, others, depth - 1)[1:] for p, q in zip(bent[:-1], bent[1:], strict=True)]
+    pieces = [_leg(p, q, others, depth - 1)[1:] for p, q in pairwise(bent)]
     return np.concatenate([bent[:1], *pieces])
 
 

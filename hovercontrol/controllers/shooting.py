@@ -7,8 +7,8 @@ The unknowns are the states x_0 ... x_N, the inputs u_0 ... u_N-1 and slacks s_1
                 lower <= u_k <= upper,  |u_k - u_k-1| <= rate h,
                 g(x_k) + s_k >= 0
 
-(Bock and Plitt, IFAC World Congress 1984). F integrates the plant over one period h by the Runge-Kutta method.
-g has the distance from each obstacle and from each limit of a state.
+(Bock and Plitt, IFAC World Congress 1984). F integrates the plant over one period h by the
+Runge-Kutta method. g has the distance from each obstacle and from each limit of a state.
 """
 
 from __future__ import annotations
@@ -202,6 +202,4 @@ def transcribe(
     lower[inputs], upper[inputs] = stage.lower, stage.upper
     lower[slacks] = 0.0
     nlp = {"x": w, "p": ca.vec(r), "f": cost, "g": ca.vertcat(*rows)}
-    return Problem(
-        nlp, lower, upper, np.concatenate(low_g), np.concatenate(high_g), states, inputs, held
-    )
+    return Problem(nlp, lower, upper, np.concatenate(low_g), np.concatenate(high_g), states, inputs, held)
