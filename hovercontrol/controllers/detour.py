@@ -70,7 +70,7 @@ def way_around(points: Array, obstacles: Array) -> Way:
     A half circle of radius 1 m in the middle of 4 m: two tangents and an arc of 60 degrees.
 
     >>> way = way_around(np.array([[-2.0, 0.0], [2.0, 0.0]]), np.array([[0.0, 0.0, 1.0]]))
-    >>> round(way.length, 2), round(2 * np.sqrt(3) + np.pi / 3, 2)
+    >>> round(way.length, 2), round(float(2 * np.sqrt(3) + np.pi / 3), 2)
     (4.51, 4.51)
     """
     for k, point in enumerate(points[1:], 1):
