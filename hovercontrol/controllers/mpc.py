@@ -14,8 +14,8 @@ from hovercontrol.controllers.shooting import Stage
 from hovercontrol.core.arguments import at_least
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
+from hovercontrol.core.functions import numpy_functions
 from hovercontrol.errors import InputError, did_you_mean
-from hovercontrol.estimators.propagation import steps_between
 from hovercontrol.io.tables import finite, positive
 from hovercontrol.models.interface import AnyModel
 
@@ -138,7 +138,7 @@ def mpc(
     by_input = [np.array([of[key] for key in inputs], dtype=np.float64) for of in (lower, upper, rates)]
     by_state = [np.array([of[key] for key in states], dtype=np.float64) for of in (lower, upper)]
     grown = circles + np.array([0.0, 0.0, finite(f"{name}: clearance", clearance)])
-    n = steps_between(block, period, name, substeps)
+    n = _substeps(block, period, name, substeps)
     values = block.parameter_values(params)
     stage = Stage(
         block,
@@ -170,6 +170,19 @@ def mpc(
         solver,
         name,
     )
+
+
+def _substeps(plant: Block, period: float, name: str, given: int | None) -> int:
+    """Return the given number of steps, or one that is stable for the fastest mode at start and at rest."""
+    if given is not None:
+        return at_least(f"{name}: substeps", given, 1)
+    f, u = numpy_functions(plant), [s.start for s in plant.inputs]
+    fastest = 0.0
+    for x in ([s.start for s in plant.states], [0.0] * len(plant.states)):
+        F = f.jacobian(0.0, x, u)
+        if np.isfinite(F).all():
+            fastest = max(fastest, float(np.abs(np.linalg.eigvals(F)).max()))
+    return min(max(1, math.ceil(period * fastest / 2.0)), 50)  # Runge-Kutta is stable up to |lambda| h = 2.78
 
 
 def _plant(plant: AnyModel, name: str) -> Block:
