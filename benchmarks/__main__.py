@@ -25,6 +25,7 @@ from benchmarks import (
     lacking,
     large_log,
     log_formats,
+    mpc,
     navigation,
     real_logs,
     regions,
@@ -58,6 +59,7 @@ ALL = {
     "log_formats": log_formats,
     "autopilot": autopilot,
     "navigation": navigation,
+    "mpc": mpc,
 }
 
 

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from hovercontrol.animation.animate import animate
     from hovercontrol.animation.path import plot_path
     from hovercontrol.controllers import gain_scheduled, lqi, lqr, pid, place, tracking_controller
+    from hovercontrol.controllers.mpc import mpc
     from hovercontrol.controllers.references import circle, ellipse, figure_eight, line, waypoints
     from hovercontrol.core.block import Block
     from hovercontrol.core.interconnect import interconnect, prefix, rename
@@ -118,6 +119,7 @@ __all__ = [
     "place",
     "gain_scheduled",
     "pid",
+    "mpc",
     "ellipse",
     "circle",
     "line",

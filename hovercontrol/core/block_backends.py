@@ -24,12 +24,19 @@ if TYPE_CHECKING:
     from hovercontrol.core.friction import Friction
     from hovercontrol.core.functions import NumpyFunctions
     from hovercontrol.simulation.runner import BlockRunner
+    from hovercontrol.targets.casadi import CasadiFunctions
     from hovercontrol.targets.compiled import CompiledBlock
     from hovercontrol.targets.trim import Trim
 
 
 #: The method of each backend of this package, by the name for ``block.to``.
-_OWN = {"numpy": "to_numpy", "control": "to_control", "compiled": "compile", "fmu": "to_fmu"}
+_OWN = {
+    "numpy": "to_numpy",
+    "control": "to_control",
+    "compiled": "compile",
+    "fmu": "to_fmu",
+    "casadi": "to_casadi",
+}
 
 
 @partial(checked, name="Block")
@@ -59,8 +66,9 @@ class Backends:
     def to(self, backend: str, **options: Any) -> Any:
         """Return the Block in the form of a backend, by the backend's name.
 
-        Backends of this package are ``numpy``, ``control``, ``compiled`` and ``fmu``: the methods
-        :meth:`to_numpy`, :meth:`to_control`, :meth:`compile` and :meth:`to_fmu`. Another package adds a
+        Backends of this package are ``numpy``, ``control``, ``compiled``, ``fmu`` and ``casadi``: the methods
+        :meth:`to_numpy`, :meth:`to_control`, :meth:`compile`, :meth:`to_fmu` and :meth:`to_casadi`. Another
+        package adds a
         backend by an entry point of the group ``hovercontrol.backends``
         (:mod:`hovercontrol.core.backends`): a function of the Block and the options.
 
@@ -271,6 +279,25 @@ class Backends:
             model_name=model_name,
             progress=progress,
         )
+
+    def to_casadi(self) -> CasadiFunctions:
+        """Return the Block as CasADi functions (:mod:`hovercontrol.targets.casadi`).
+
+        Raises
+        ------
+        InputError
+            If CasADi is not installed (``pip install "hovercontrol[mpc]"``), an input acts late, or an
+            expression has no form in CasADi.
+
+        Examples
+        --------
+        >>> import hovercontrol as hc
+        >>> hc.vehicle("c17_simulation").plant().to_casadi().derivatives
+        Function(derivatives:(t,x[6],u[2],p[9])->(dx[6]) SXFunction)
+        """
+        from hovercontrol.targets.casadi import to_casadi
+
+        return to_casadi(self._block)
 
     def trim(
         self,

@@ -1,0 +1,65 @@
+"""Model predictive control of C17's craft: limits, an obstacle, 20 steps ahead, 20 samples a second, 60 s.
+
+Times are processor time of one thread for ``control(x)``, a whole sample: reference, linearisation, quadratic
+program. The compiled Block is the plant.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from time import thread_time
+from typing import Any
+
+import numpy as np
+
+import hovercontrol as hc
+
+OBSTACLE = (3.0, 0.1, 0.6)
+WAYPOINTS = [[6.0, 0.0], [6.0, 4.0], [0.0, 4.0], [0.0, 0.0]]
+LIMITS = {"thrust": (0.0, 4.0), "rudder": (-0.6, 0.6)}
+WEIGHTS = {"x": 20, "y": 20, "psi": 5, "r": 0.1, "v": 0.5, "thrust": 0.02, "rudder": 0.1}
+
+
+def closed_loop(solver: Any, duration: float) -> tuple[Any, np.ndarray[Any, Any]]:
+    """Return the motion, and the time of each sample [s]."""
+    controller = hc.mpc(
+        hc.vehicle("c17_simulation"),
+        weights=WEIGHTS,
+        rate_weights={"thrust": 0.05, "rudder": 0.5},
+        limits=LIMITS,
+        obstacles=[OBSTACLE],
+        waypoints=WAYPOINTS,
+        solver=solver,
+    )
+    own, times = controller.control, []
+
+    def timed(*args: Any) -> Any:
+        begin = thread_time()
+        found = own(*args)
+        times.append(thread_time() - begin)
+        return found
+
+    controller.control = timed  # type: ignore[assignment,method-assign]
+    return controller.simulate(duration), np.array(times)
+
+
+def rows() -> Iterator[tuple[str, str, str, bool | None]]:
+    run, times = closed_loop("rti", 60.0)
+    median, worst = 1e3 * np.median(times), 1e3 * times.max()
+    yield "one sample, median", f"{median:.2f} ms", "<= 3 ms", bool(median <= 3.0)
+    yield "one sample, worst of 1,200", f"{worst:.2f} ms", "<= 10 ms", bool(worst <= 10.0)
+    x, y, radius = OBSTACLE
+    room = np.hypot(run.states[0] - x, run.states[1] - y).min() - radius
+    yield "least distance from the obstacle in 60 s", f"{room:.3f} m", ">= 0 m", bool(room >= 0.0)
+    limited = zip(run.inputs, LIMITS.values(), strict=True)
+    inside = all(low <= u.min() and u.max() <= high for u, (low, high) in limited)
+    yield "limits of thrust and rudder hold in 60 s", str(inside), "True", inside
+    past = max(np.hypot(run.states[0] - a, run.states[1] - b).min() for a, b in WAYPOINTS)
+    yield "farthest from a waypoint when passing it", f"{past:.3f} m", "", None
+    _, times = closed_loop("ipopt", 5.0)
+    yield (
+        "the same with IPOPT, median and worst",
+        f"{1e3 * np.median(times):.1f}, {1e3 * times.max():.1f} ms",
+        "",
+        None,
+    )
