@@ -197,6 +197,10 @@ class Model(EffectModel):
         fans = {f.name: f.command().unit for f in self.fans}
         return {"thrust": self.thrust.unit, "rudder": self.rudder.unit} | fans
 
+    def law_units(self) -> dict[str, str]:
+        """Return the unit of each signal that a law may use: the motion, commands as they act, time."""
+        return craft_units(self.thrust.unit, self.rudder.unit, bool(self.fans))
+
     def units_seen_by(self, cls: type[Effect]) -> dict[str, str]:
         """Return the units that replace ``{thrust}`` and the like in an effect's units."""
         if not self.fans or cls.kind() != "input":
@@ -417,6 +421,18 @@ class Model(EffectModel):
             },
         )
         return saturated(block) if (self.limited if limited is None else limited) else block
+
+
+def craft_units(thrust: str, rudder: str, fans: bool) -> dict[str, str]:
+    """Return the unit of each signal of a craft that a law may use.
+
+    Examples
+    --------
+    >>> craft_units("N", "rad", fans=False)["r"], craft_units("N", "rad", fans=True)["fan_torque"]
+    ('rad/s', 'N*m')
+    """
+    commands = {"fan_x": "N", "fan_y": "N", "fan_torque": "N*m"} if fans else {"thrust": thrust, "rudder": rudder}
+    return {s.name: s.unit for s in MOTION} | commands | {"time": "s"}
 
 
 def motion_symbols(fans: Iterable[Fan] = (), owner: str = "plant") -> SimpleNamespace:

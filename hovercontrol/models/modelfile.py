@@ -33,13 +33,14 @@ from typing import Any
 from hovercontrol.core.boundary import as_user, checked
 from hovercontrol.core.signals import Signal
 from hovercontrol.core.units import UnitError, conversion_factor
-from hovercontrol.effects import Effect, effect, effect_class
+from hovercontrol.effects import Effect, effect_class
 from hovercontrol.effects.base import resolved_unit
+from hovercontrol.effects.law import is_law, law_class
 from hovercontrol.errors import InputError, shown
 from hovercontrol.io.files import write_atomically
 from hovercontrol.io.tables import check_keys, number, read_toml, table, text
 from hovercontrol.models.fans import BenchCurve, Fan, Polynomial
-from hovercontrol.models.model import RUDDER, THRUST, Model
+from hovercontrol.models.model import RUDDER, THRUST, Model, craft_units
 
 
 @checked
@@ -90,6 +91,7 @@ def model_from_table(content: Mapping[str, Any]) -> Model:
     effects = table("[effects]", content.get("effects", {}))
     signals = {s.name: _input(s, inputs.get(s.name, {})) for s in (THRUST, RUDDER)}
     units = {name: s.unit for name, s in signals.items()}
+    units |= craft_units(units["thrust"], units["rudder"], bool(fans))
     return Model(
         text("plant.name", plant.get("name", "hovercraft")),
         tuple(_effect(key, value, units) for key, value in effects.items()),
@@ -130,6 +132,7 @@ def model_text(model: Model) -> str:
 
     Examples
     --------
+    >>> from hovercontrol.effects import effect
     >>> print(model_text(Model("puck", [effect("yaw_linear_drag", 0.5)])), end="")
     [plant]
     name = "puck"
@@ -236,13 +239,13 @@ def _curve(fan: str, value: Any) -> Polynomial | BenchCurve:
 
 def _effect(name: str, value: Any, units: Mapping[str, str]) -> Effect:
     try:
-        cls = effect_class(name)
+        cls = law_class(name, units) if is_law(name) else effect_class(name)
     except InputError as error:
         raise InputError(
             f"{error} (an own effect: load this file in the Python file that defines the effect)"
         ) from None
     if not isinstance(value, dict):
-        return effect(name, number(f"effects.{name}", value))
+        return cls(number(f"effects.{name}", value))
     given = dict(value)
     check_keys(f"key in effects.{name}", given, (*cls.numbers, "unit"))
     unit = given.pop("unit", None)
@@ -255,4 +258,4 @@ def _effect(name: str, value: Any, units: Mapping[str, str]) -> Effect:
             numbers["value"] *= conversion_factor(text(f"effects.{name}.unit", unit), wanted)
         except InputError:
             raise UnitError(f"effects.{name}: unit must be like {wanted!r}, found {shown(unit)}") from None
-    return effect(name, **numbers)
+    return cls(**numbers)
