@@ -17,6 +17,7 @@ from hovercontrol.discrepancy.evidence.laws import regime
 from hovercontrol.discrepancy.evidence.remainder import missing_forces, remainders
 from hovercontrol.discrepancy.evidence.sensors import slow_errors
 from hovercontrol.discrepancy.experiment.propose import next_experiment
+from hovercontrol.discrepancy.laws.search import with_laws
 from hovercontrol.discrepancy.search.base import base_fit
 from hovercontrol.discrepancy.search.candidates import left_out
 from hovercontrol.discrepancy.search.searched import searched
@@ -125,6 +126,8 @@ def _diagnosed(
     kept = gather(model, holdout) if holdout else None
     trace: list[Decision] = []
     held = searched(base, model, kept, names=names, max_effects=max_effects, report=said, trace=trace)
+    if names is None:
+        held = with_laws(held, model, kept, max_effects=max_effects, report=said, trace=trace)
     selection = held.selection
     report(0.92, "measuring the remainder")
     base, final = selection.base, selection.final  # a search may find a likelier fit of the given model

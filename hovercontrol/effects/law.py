@@ -93,11 +93,11 @@ class Law(Effect):
     ----------
     equation : str
         The state to whose derivative the term adds.
-    factors : tuple of Factor
+    product : tuple of Factor
     """
 
     equation: ClassVar[str] = ""
-    factors: ClassVar[tuple[Factor, ...]] = ()
+    product: ClassVar[tuple[Factor, ...]] = ()
 
     def terms(self, c: Any, s: Any) -> dict[str, sp.Expr]:
         return {self.equation: c.value * self.form(s)}
@@ -110,12 +110,17 @@ class Law(Effect):
         s : namespace
             Symbols of the motion and the commands, as for :meth:`.Effect.terms`.
         """
-        return sp.Mul(*(f.expression(getattr(s, f.signal)) for f in self.factors))
+        return sp.Mul(*(f.expression(getattr(s, f.signal)) for f in self.product))
+
+    @classmethod
+    def complexity(cls) -> int:
+        """Return the number of factors and powers: 2 for ``abs(v) v``, 3 for ``v^3``."""
+        return sum(max(OPERATIONS[f.operation].power, 1) for f in cls.product)
 
     @classmethod
     def text(cls) -> str:
         """Return the form as a reader writes it, ``"abs(v) r"``."""
-        return " ".join(f.text for f in cls.factors)
+        return " ".join(f.text for f in cls.product)
 
 
 def is_law(name: str) -> bool:
@@ -193,7 +198,7 @@ def _law(
         f"A term c {text} in the equation of {equation}.",
         "found in measured logs",
         equation=equation,
-        factors=factors,
+        product=factors,
         value=Coefficient(unit_of(of[equation], factors, of)),
         axis=equation,
     )
