@@ -69,7 +69,12 @@ class Row:
 def ship() -> hc.BlockModel:
     """A ship that turns: sway and yaw by linear coefficients (Nomoto's two equations, with sway)."""
     S = hc.Signal
-    psi, v, r, delta = S("psi", "rad"), S("v", "m/s", nominal=0.3), S("r", "rad/s", nominal=0.1), S("rudder", "rad")
+    psi, v, r, delta = (
+        S("psi", "rad"),
+        S("v", "m/s", nominal=0.3),
+        S("r", "rad/s", nominal=0.1),
+        S("rudder", "rad"),
+    )
     numbers = (("yv", "1/s", 0.05), ("yr", "m/s", 0.3), ("yd", "m/s^2", 0.01), ("nv", "1/m/s", 0.04), ("nr", "1/s", 0.3), ("nd", "1/s^2", 0.03))  # fmt: skip
     p = {n: S(n, unit, start=start) for n, unit, start in numbers}
     k = {n: s.symbol for n, s in p.items()}
@@ -112,7 +117,9 @@ def block_case(planted: Planted, seed: int) -> tuple[hc.BlockModel, list[hc.Log]
     model = make()
     truth = model.with_coefficients({k: v * rng.uniform(0.8, 1.25) for k, v in model.coefficients().items()})
     value = _value(planted, rng)
-    believed = truth.with_coefficients({k: v * rng.uniform(0.97, 1.03) for k, v in truth.coefficients().items()})
+    believed = truth.with_coefficients(
+        {k: v * rng.uniform(0.97, 1.03) for k, v in truth.coefficients().items()}
+    )
     plant = truth.with_effects([truth.effect_class(planted.law)(value)]).plant(late=True)
     pushes = {name: hc.Signal(f"push_{name}", f"({plant.signal(name).unit})/s") for name in push}
     d = {**plant.derivatives, **{n_: plant.derivatives[n_] + s.symbol for n_, s in pushes.items()}}

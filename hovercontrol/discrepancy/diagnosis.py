@@ -23,6 +23,7 @@ from hovercontrol.discrepancy.search.confirm import Rival, Selection
 from hovercontrol.discrepancy.search.leads import Lead
 from hovercontrol.discrepancy.search.trace import Decision, about
 from hovercontrol.discrepancy.verdict import Verdict
+from hovercontrol.effects.law import is_law
 from hovercontrol.estimation.fit import Fit
 from hovercontrol.estimation.subject import Subject
 from hovercontrol.io.folders import write_folder
@@ -187,6 +188,7 @@ class Diagnosis:
             "effects": [
                 {
                     "name": name,
+                    "kind": "law" if is_law(name) else "effect",
                     "equation": own[0].acts_in,
                     "coefficient": own[0].value,
                     "std": own[0].std,
@@ -305,6 +307,8 @@ class Diagnosis:
 
 def reason_of(rival: Rival) -> str:
     """Return why a rival is not distinguished from a named effect."""
+    if rival.same and is_law(rival.name):
+        return f"the same as {rival.instead_of} in these logs, but it breaks a symmetry of the model"
     if rival.same:
         return f"equivalent to {rival.instead_of} in every log"
     return (

@@ -27,10 +27,14 @@ from hovercontrol.core.units import DIMENSIONLESS, dimension, unit_text
 from hovercontrol.effects.base import Effect
 from hovercontrol.effects.coefficient import Coefficient
 from hovercontrol.effects.generic_classes import make_class, remembered
+from hovercontrol.effects.law_causes import cause
 from hovercontrol.errors import InputError, did_you_mean
 
 #: What the names of laws begin with.
 PREFIX = "law_"
+
+#: Names of commands of a craft.
+COMMANDS = ("thrust", "rudder", "fan_x", "fan_y", "fan_torque")
 
 #: What stands between the parts of a name.
 BETWEEN = "__"
@@ -145,6 +149,24 @@ def law_name(equation: str, factors: tuple[Factor, ...]) -> str:
     return PREFIX + BETWEEN.join((equation, *(f.word for f in factors)))
 
 
+def law_text(name: str) -> str:
+    """Return the form of a law and its equation as a reader writes them.
+
+    Examples
+    --------
+    >>> law_text("law_r__abs_v__r")
+    "abs(v) r in r'"
+    """
+    equation, *words = name.removeprefix(PREFIX).split(BETWEEN)
+    return f"{' '.join(_as_written(w) for w in words)} in {equation}'"
+
+
+def _as_written(word: str) -> str:
+    operation, _, signal = word.partition("_")
+    known = operation in OPERATIONS and operation and signal
+    return Factor(operation, signal).text if known else word
+
+
 def law_class(name: str, units: Mapping[str, str]) -> type[Law]:
     """Return the class of a law by its name.
 
@@ -192,10 +214,11 @@ def _law(
 ) -> type[Effect]:
     of = dict(units)
     text = " ".join(f.text for f in factors)
+    known = cause(equation, [f.word for f in factors], COMMANDS)
     return make_class(
         name,
         (Law,),
-        f"A term c {text} in the equation of {equation}.",
+        f"A term c {text} in {equation}'." + (f" Of this form is {known}." if known else ""),
         "found in measured logs",
         equation=equation,
         product=factors,

@@ -431,7 +431,9 @@ def craft_units(thrust: str, rudder: str, fans: bool) -> dict[str, str]:
     >>> craft_units("N", "rad", fans=False)["r"], craft_units("N", "rad", fans=True)["fan_torque"]
     ('rad/s', 'N*m')
     """
-    commands = {"fan_x": "N", "fan_y": "N", "fan_torque": "N*m"} if fans else {"thrust": thrust, "rudder": rudder}
+    commands = (
+        {"fan_x": "N", "fan_y": "N", "fan_torque": "N*m"} if fans else {"thrust": thrust, "rudder": rudder}
+    )
     return {s.name: s.unit for s in MOTION} | commands | {"time": "s"}
 
 

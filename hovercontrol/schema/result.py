@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, NotRequired, TypedDict
+from typing import Annotated, Literal, NotRequired, TypedDict
 
 from hovercontrol.core.boundary import checked
 from hovercontrol.discrepancy.verdict import Verdict
@@ -58,6 +58,7 @@ class NamedEffect(TypedDict):
     """An effect that the model lacks."""
 
     name: str
+    kind: Annotated[Literal["effect", "law"], "of the catalogue, or a law that is found"]
     equation: Annotated[str, "where it acts"]
     coefficient: float
     std: Annotated[float, "standard error"]

@@ -6,14 +6,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hovercontrol.discrepancy.criteria import Criteria
 from hovercontrol.discrepancy.laws.symmetry import broken_by, symmetries
-from hovercontrol.discrepancy.search.candidates import Candidate
+from hovercontrol.discrepancy.search.candidates import Candidate, candidates
 from hovercontrol.discrepancy.search.fit import TRIALS
 from hovercontrol.discrepancy.search.score import Scores
 from hovercontrol.effects.law import Law
 from hovercontrol.estimation.fit import Fit
+
+Array = NDArray[np.float64]
 
 #: Two columns with a correlation beyond this are the same law in these logs.
 SAME = 0.98
@@ -23,7 +26,7 @@ ALONE, PARTNERS = 6, 3
 
 
 @dataclass(frozen=True, eq=False)
-class Screened:
+class LikelyLaw:
     """A law worth a fit.
 
     Attributes
@@ -31,38 +34,57 @@ class Screened:
     name : str
     gain : float
         On left-out blocks, alone or with its partner.
-    same : tuple of str
-        Laws that these logs do not tell from it.
-    broken : dict of str to int
-        The number of symmetries of the model that it, and each of `same`, breaks.
+    same : dict of str to bool
+        Laws that these logs do not tell from it, and whether each breaks more symmetries of the model.
     """
 
     name: str
     gain: float
-    same: tuple[str, ...]
-    broken: dict[str, int]
+    same: dict[str, bool]
 
 
-def law_scores(fit: Fit, names: Sequence[str]) -> Scores:
-    """Return the table of products with a column for each law.
+@dataclass(frozen=True, eq=False)
+class Screened:
+    """What a screening found.
+
+    Attributes
+    ----------
+    laws : list of LikelyLaw
+        The best first.
+    tests : float
+        The effective number of independent laws that were looked at (:func:`effective_tests`).
+    """
+
+    laws: list[LikelyLaw]
+    tests: float
+
+
+def effective_tests(correlations: Array) -> float:
+    """Return the effective number of independent tests among correlated ones.
+
+    With the eigenvalues lambda of the matrix of correlations, ``(sum lambda^(1/2))^2 / sum lambda`` (Galwey,
+    Genetic Epidemiology 33 (2009), 559).
 
     Parameters
     ----------
-    fit : Fit
-    names : sequence of str
-        Of laws.
+    correlations : ndarray, shape (n, n)
+
+    Examples
+    --------
+    >>> effective_tests(np.eye(5)), round(effective_tests(np.ones((5, 5))), 6)
+    (5.0, 1.0)
     """
-    model = fit.problem.model
-    have = {e.name for e in model.effects}
-    trials = [model.effect_class(n)(1.0) for n in names if n not in have]
-    return Scores(fit, [Candidate(e.name, e, ("value",)) for e in trials])
+    if not correlations.size:
+        return 0.0
+    found = np.maximum(np.linalg.eigvalsh(correlations), 0.0)
+    return float(np.sqrt(found).sum() ** 2 / found.sum())
 
 
-def screened(fit: Fit, names: Sequence[str], criteria: Criteria) -> list[Screened]:
+def screened(fit: Fit, names: Sequence[str], criteria: Criteria) -> Screened:
     """Return the laws worth a fit: the best alone, and the best partners of these.
 
     Laws that the logs do not tell apart are one. It goes by the name of the one that breaks fewest symmetries
-    of the model, then the simplest.
+    of the model, then the simplest. A law that is also in the catalogue is left to the catalogue.
 
     Parameters
     ----------
@@ -71,42 +93,61 @@ def screened(fit: Fit, names: Sequence[str], criteria: Criteria) -> list[Screene
         Of laws.
     criteria : Criteria
     """
-    scores = law_scores(fit, names)
-    signs, alike = symmetries(fit.problem.model), np.abs(scores.correlations()) > SAME
-    laws = [type(c.trial) for c in scores.tried]
-    broken = {cls.name: broken_by(cls, signs) for cls in laws if issubclass(cls, Law)}
-    gains = np.array([scores.left_out_gain(i) for i in range(len(laws))])
-    least = TRIALS.promised * criteria.least
-    found: dict[str, Screened] = {}
+    model = fit.problem.model
+    have = {e.name for e in model.effects}
+    trials = [model.effect_class(n)(1.0) for n in names if n not in have]
+    known = [c for c in candidates(fit) if len(c.amplitudes) == 1 and type(c.trial).kind() == "force"]
+    scores = Scores(fit, [*(Candidate(e.name, e, ("value",)) for e in trials), *known])
+    return _Screening(scores, [type(e) for e in trials], criteria).result()
 
-    def add(i: int, gain: float) -> int:
-        group = [j for j in range(len(laws)) if alike[i, j] or i == j]
-        best = min(group, key=lambda j: (broken[laws[j].name], _complexity(laws[j]), -gains[j]))
-        own = [laws[j].name for j in group]
-        name = laws[best].name
-        found.setdefault(
-            name, Screened(name, gain, tuple(n for n in own if n != name), {n: broken[n] for n in own})
-        )
-        return best
 
-    order = [int(i) for i in np.argsort(-gains, kind="stable")]
-    leaders: list[int] = []
-    for i in order:
-        if len(found) >= ALONE or gains[i] < least:
-            break
-        leaders.append(add(i, float(gains[i])))
-    for i in list(dict.fromkeys(leaders))[:PARTNERS]:
-        both = [
-            scores.left_out_gain_of((*scores.columns_of(i), *scores.columns_of(j)))
-            if not alike[i, j] and i != j
-            else 0.0
-            for j in order
+class _Screening:
+    """The table of laws (the first columns) and of what the catalogue has, and the choice on it."""
+
+    def __init__(self, scores: Scores, laws: Sequence[type], criteria: Criteria) -> None:
+        signs = symmetries(scores.fit.problem.model)
+        self.scores = scores
+        self.laws = [cls for cls in laws if issubclass(cls, Law)]
+        self.broken = [broken_by(cls, signs) for cls in self.laws]
+        n = len(self.laws)
+        told = np.array([scores.of(i).gain > 0.0 for i in range(n)])  # the model does not have it already
+        rho = scores.correlations()
+        known = (np.abs(rho[:n, n:]) > SAME).any(axis=1) if rho.shape[1] > n else np.zeros(n, dtype=bool)
+        self.open = told & ~known
+        self.alike = np.abs(rho[:n, :n]) > SAME
+        self.tests = effective_tests(rho[:n, :n][np.ix_(told, told)])
+        self.least = TRIALS.promised * criteria.least
+        self.gains = np.array([scores.left_out_gain(i) if self.open[i] else 0.0 for i in range(n)])
+
+    def result(self) -> Screened:
+        found: dict[int, LikelyLaw] = {}
+        order = [int(i) for i in np.argsort(-self.gains, kind="stable") if self.gains[i] >= self.least]
+        for i in order:
+            if len(found) < ALONE:
+                best, group = self._named(i)
+                found.setdefault(best, self._likely(best, group, self.gains[i]))
+        for i in list(found)[:PARTNERS]:
+            j, gain = self._partner(i)
+            if gain > self.gains[i] + self.least:
+                best, group = self._named(j)
+                found.setdefault(best, self._likely(best, group, gain))
+        return Screened(sorted(found.values(), key=lambda s: -s.gain), self.tests)
+
+    def _named(self, i: int) -> tuple[int, list[int]]:
+        """Return the law by whose name a group of indistinguishable ones goes, and the group."""
+        group = [
+            int(j) for j in np.flatnonzero(self.open & (self.alike[i] | (np.arange(len(self.laws)) == i)))
         ]
-        best = int(np.argmax(both))
-        if both[best] > gains[i] + least:
-            add(order[best], both[best])
-    return sorted(found.values(), key=lambda s: -s.gain)
+        best = min(group, key=lambda j: (self.broken[j], self.laws[j].complexity(), -self.gains[j]))
+        return best, group
 
+    def _likely(self, best: int, group: list[int], gain: float) -> LikelyLaw:
+        same = {self.laws[j].name: self.broken[j] > self.broken[best] for j in group if j != best}
+        return LikelyLaw(self.laws[best].name, float(gain), same)
 
-def _complexity(cls: type) -> int:
-    return cls.complexity() if issubclass(cls, Law) else 0
+    def _partner(self, i: int) -> tuple[int, float]:
+        """Return the law that gains most beside another one, and their gain together."""
+        own = self.scores.columns_of(i)
+        others = [int(j) for j in np.flatnonzero(self.open & ~self.alike[i]) if j != i]
+        gains = [self.scores.left_out_gain_of((*own, *self.scores.columns_of(j))) for j in others]
+        return (others[int(np.argmax(gains))], max(gains)) if gains else (i, 0.0)

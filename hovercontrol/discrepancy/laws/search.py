@@ -13,7 +13,7 @@ from dataclasses import replace
 from hovercontrol.discrepancy.criteria import CRITERIA, Criteria
 from hovercontrol.discrepancy.evidence.sensors import only_noise
 from hovercontrol.discrepancy.laws.grammar import law_names
-from hovercontrol.discrepancy.laws.screen import Screened, screened
+from hovercontrol.discrepancy.laws.screen import LikelyLaw, screened
 from hovercontrol.discrepancy.search.candidates import catalogue
 from hovercontrol.discrepancy.search.confirm import Rival, Selection
 from hovercontrol.discrepancy.search.hold_out import HeldOut, held_out
@@ -52,7 +52,8 @@ def with_laws(
         return found
     names = law_names(selection.final.problem.model)
     report(f"screening {len(names)} laws")
-    few = screened(selection.final, names, criteria)
+    screening = screened(selection.final, names, criteria)
+    few = screening.laws
     rows = trace if trace is not None else []
     rule, least = "gain of the law on left-out blocks, at least", criteria.least
     rows.extend(Decision("score", s.name, rule, s.gain, least, s.gain >= least) for s in few)
@@ -60,7 +61,7 @@ def with_laws(
         return found
     known = [cls.name for cls in catalogue(selection.final.problem.model)]
     asked = [*known, *(s.name for s in few)]
-    strict = _among(criteria, len(asked), len(known) + len(names))
+    strict = _among(criteria, len(asked), len(known) + screening.tests)
     more = select(
         selection.base,
         model,
@@ -78,22 +79,22 @@ def with_laws(
     return again if any(is_law(n) for n in again.selection.effects) else found
 
 
-def _among(criteria: Criteria, asked: int, screened_: int) -> Criteria:
+def _among(criteria: Criteria, asked: int, tests: float) -> Criteria:
     """Return criteria whose levels are shared among all that was screened, not only what is asked for."""
-    part = asked / screened_
+    part = min(asked / tests, 1.0)
     return replace(criteria, level=criteria.level * part, other_sign=criteria.other_sign * part)
 
 
-def _with_same(selection: Selection, few: list[Screened]) -> Selection:
+def _with_same(selection: Selection, few: list[LikelyLaw]) -> Selection:
     """Return a selection whose laws have as rivals those that the logs do not tell from them.
 
     One that breaks more symmetries of the model is told and no more; any other makes the verdict ambiguous.
     """
     by_name = {s.name: s for s in few}
     more = [
-        Rival(other, n, 0.0, 0.0, selection.final, by_name[n].broken[other] > by_name[n].broken[n])
+        Rival(other, n, 0.0, 0.0, selection.final, same=breaks_more)
         for n in selection.effects
         if n in by_name
-        for other in by_name[n].same
+        for other, breaks_more in by_name[n].same.items()
     ]
     return replace(selection, rivals=(*selection.rivals, *more))
