@@ -18,6 +18,7 @@ from hovercontrol.discrepancy.evidence.of_effects import Evidence
 from hovercontrol.discrepancy.evidence.remainder import Remainder
 from hovercontrol.discrepancy.evidence.sensors import SlowError
 from hovercontrol.discrepancy.experiment.proposal import Experiment
+from hovercontrol.discrepancy.laws.yardstick import Yardstick
 from hovercontrol.discrepancy.places import acts_in
 from hovercontrol.discrepancy.search.confirm import Rival, Selection
 from hovercontrol.discrepancy.search.leads import Lead
@@ -118,6 +119,8 @@ class Diagnosis:
         The experiment in one sentence, or why there is none; empty if none is needed.
     trace : tuple of Decision
         Every decision of the search, in order.
+    yardsticks : tuple of Yardstick
+        For each equation with a remainder: how much any law of one or two signals could still take.
 
     Examples
     --------
@@ -163,6 +166,18 @@ class Diagnosis:
     experiment: Experiment | None = None
     advice: str = ""
     trace: tuple[Decision, ...] = ()
+    yardsticks: tuple[Yardstick, ...] = ()
+
+    def taken(self, equation: str) -> float:
+        """Return the gain of the named effects that act in an equation, in twice the log likelihood.
+
+        Parameters
+        ----------
+        equation : str
+            ``"r'"``.
+        """
+        acting = {e.effect for e in self.effects if equation in e.acts_in.split()}
+        return sum(self.selection.gains[n] for n in acting)
 
     def why(self, effect: str) -> list[Decision]:
         """Return the decisions of the search about an effect: why it is named, or why not.
@@ -221,6 +236,7 @@ class Diagnosis:
                     "averaged_over": r.over,
                     "gain": r.gain,
                     "where": self._left(r.equation) if r.there else None,
+                    "predictable": self._predictable(r.equation),
                 }
                 for r in self.remainders
             },
@@ -239,6 +255,14 @@ class Diagnosis:
             "rows_down_weighted": self.rows_down_weighted,
             "warnings": list(self.warnings),
         }
+
+    def _predictable(self, equation: str) -> dict[str, Any] | None:
+        """Return how much any law of one or two signals could still take in an equation."""
+        found = next((y for y in self.yardsticks if y.equation == equation), None)
+        if found is None:
+            return None
+        share = found.share(self.taken(equation))
+        return {"signals": list(found.signals), "gain": found.gain, "share_named": share}
 
     def _left(self, equation: str) -> dict[str, Any]:
         """Return where the remainder of one equation acts: as text, and times in the log with most of it."""

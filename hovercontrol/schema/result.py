@@ -117,6 +117,14 @@ class RemainderPlace(TypedDict):
     segments: Annotated[list[tuple[float, float]], "s: when it is significant there"]
 
 
+class Predictable(TypedDict):
+    """How much of what remains in an equation any law of one or two signals could take."""
+
+    signals: Annotated[list[str], "of which it is a function"]
+    gain: Annotated[float, "in twice the log likelihood of left-out blocks"]
+    share_named: Annotated[float, "of what these signals tell, the share that named effects have taken"]
+
+
 class Remainder(TypedDict):
     """What one equation still leaves unexplained."""
 
@@ -126,6 +134,7 @@ class Remainder(TypedDict):
     averaged_over: Annotated[float, "s"]
     gain: float
     where: RemainderPlace | None
+    predictable: Predictable | None
 
 
 class SlowError(TypedDict):

@@ -45,7 +45,8 @@ def columns(fit: Fit, tried: Sequence[Candidate]) -> tuple[Array, Array, list[tu
     n = len(problem.free)
     width = sum(max(len(c.amplitudes), 1) for c in tried)
     drive, seen = np.zeros((K - 1, W, n, width)), np.zeros((K, W, C, width))
-    own, at = [], 0
+    own: list[tuple[int, ...]] = []
+    at = 0
     runs = Along(fit)
     laws = runs.forcing_of_laws([c.trial for c in tried if isinstance(c.trial, Law)])
     for candidate in tried:
@@ -127,21 +128,26 @@ class Along:
         laws : sequence of Law
             At their trial values.
         """
+        for e, form in zip(laws, self.forms_of_laws(laws), strict=True):
+            yield self.carried(e.equation, e.values["value"] * form)
+
+    def forms_of_laws(self, laws: Sequence[Law]) -> list[Array]:
+        """Return the form of each law (its term per coefficient) in the middles of sub-steps, each (M, W)."""
         if not laws:
-            return
-        problem = self.problem
-        model = problem.model.with_effects(laws)
+            return []
+        model = self.problem.model.with_effects(laws)
         block = structure(model)
-        names = [s.name for s in problem.block.states]
-        rows = [problem.free.index(names.index(e.equation)) for e in laws]
         x, u, every = self._path(model, block, {**self._rate, **self._values})
         function = array_function(block, [term_of(block, e) for e in laws])
         with np.errstate(all="ignore"):
-            found = function(self._t, x, u, every)
-        for row, term, e in zip(rows, found, laws, strict=True):
-            added = np.zeros((len(problem.free), *self._t.shape))
-            added[row] = e.values["value"] * term
-            yield self._within.become(added)
+            return [np.broadcast_to(f, self._t.shape) for f in function(self._t, x, u, every)]
+
+    def carried(self, equation: str, slope: Array) -> Array:
+        """Return what a slope of one state, (M, W), adds to the free states from row to row, (K-1, W, n)."""
+        names = [s.name for s in self.problem.block.states]
+        added = np.zeros((len(self.problem.free), *self._t.shape))
+        added[self.problem.free.index(names.index(equation))] = slope
+        return self._within.become(added)
 
     def _difference(self, model: Subject, values: Mapping[str, float]) -> Array | None:
         """Return the slopes of a model minus those of the fit, (n, M, W), from the changed terms alone.
