@@ -17,6 +17,8 @@ from hovercontrol.discrepancy.evidence.laws import regime
 from hovercontrol.discrepancy.evidence.remainder import missing_forces, remainders
 from hovercontrol.discrepancy.evidence.sensors import slow_errors
 from hovercontrol.discrepancy.experiment.propose import next_experiment
+from hovercontrol.discrepancy.laws.search import with_laws
+from hovercontrol.discrepancy.laws.yardstick import yardsticks
 from hovercontrol.discrepancy.search.base import base_fit
 from hovercontrol.discrepancy.search.candidates import left_out
 from hovercontrol.discrepancy.search.searched import searched
@@ -125,6 +127,8 @@ def _diagnosed(
     kept = gather(model, holdout) if holdout else None
     trace: list[Decision] = []
     held = searched(base, model, kept, names=names, max_effects=max_effects, report=said, trace=trace)
+    if names is None:
+        held = with_laws(held, model, kept, max_effects=max_effects, report=said, trace=trace)
     selection = held.selection
     report(0.92, "measuring the remainder")
     base, final = selection.base, selection.final  # a search may find a likelier fit of the given model
@@ -133,6 +137,8 @@ def _diagnosed(
     verdict = verdict_of(selection, [*remains, *slow])
     effects = numbers_of(final, selection.effects)
     report(0.96, "searching for the next experiment")
+    lacking = [r.equation.removesuffix("'") for r in remains if r.there]
+    tellable = yardsticks(final, lacking)
     experiment, advice = next_experiment(selection, effects, seed)
     warnings += switched_off(model, final.model, selection.effects)
     missing = missing_forces(base)
@@ -146,6 +152,7 @@ def _diagnosed(
         remainders=remains,
         slow_errors=slow,
         leads=selection.leads,
+        yardsticks=tellable,
         model=model,
         amended=final.model,
         refitted=base.model,

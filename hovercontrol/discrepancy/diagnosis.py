@@ -18,11 +18,13 @@ from hovercontrol.discrepancy.evidence.of_effects import Evidence
 from hovercontrol.discrepancy.evidence.remainder import Remainder
 from hovercontrol.discrepancy.evidence.sensors import SlowError
 from hovercontrol.discrepancy.experiment.proposal import Experiment
+from hovercontrol.discrepancy.laws.yardstick import Yardstick
 from hovercontrol.discrepancy.places import acts_in, place_of, place_of_rival
 from hovercontrol.discrepancy.search.confirm import Rival, Selection
 from hovercontrol.discrepancy.search.leads import Lead
 from hovercontrol.discrepancy.search.trace import Decision, about
 from hovercontrol.discrepancy.verdict import Verdict
+from hovercontrol.effects.law import is_law
 from hovercontrol.estimation.fit import Fit
 from hovercontrol.estimation.subject import Subject
 from hovercontrol.io.folders import write_folder
@@ -121,6 +123,8 @@ class Diagnosis:
         The experiment in one sentence, or why there is none; empty if none is needed.
     trace : tuple of Decision
         Every decision of the search, in order.
+    yardsticks : tuple of Yardstick
+        For each equation with a remainder: how much any law of one or two signals could still take.
 
     Examples
     --------
@@ -166,6 +170,18 @@ class Diagnosis:
     experiment: Experiment | None = None
     advice: str = ""
     trace: tuple[Decision, ...] = ()
+    yardsticks: tuple[Yardstick, ...] = ()
+
+    def taken(self, equation: str) -> float:
+        """Return the gain of the named effects that act in an equation, in twice the log likelihood.
+
+        Parameters
+        ----------
+        equation : str
+            ``"r'"``.
+        """
+        acting = {e.effect for e in self.effects if equation in e.acts_in.split()}
+        return sum(self.selection.gains[n] for n in acting)
 
     def why(self, effect: str) -> list[Decision]:
         """Return the decisions of the search about an effect: why it is named, or why not.
@@ -191,6 +207,7 @@ class Diagnosis:
             "effects": [
                 {
                     "name": name,
+                    "kind": "law" if is_law(name) else "effect",
                     "equation": own[0].acts_in,
                     "place": own[0].place,
                     "coefficient": own[0].value,
@@ -226,6 +243,7 @@ class Diagnosis:
                     "averaged_over": r.over,
                     "gain": r.gain,
                     "where": self._left(r.equation) if r.there else None,
+                    "predictable": self._predictable(r.equation),
                 }
                 for r in self.remainders
             },
@@ -244,6 +262,14 @@ class Diagnosis:
             "rows_down_weighted": self.rows_down_weighted,
             "warnings": list(self.warnings),
         }
+
+    def _predictable(self, equation: str) -> dict[str, Any] | None:
+        """Return how much any law of one or two signals could still take in an equation."""
+        found = next((y for y in self.yardsticks if y.equation == equation), None)
+        if found is None:
+            return None
+        share = found.share(self.taken(equation))
+        return {"signals": list(found.signals), "gain": found.gain, "share_named": share}
 
     def _left(self, equation: str) -> dict[str, Any]:
         """Return where the remainder of one equation acts: as text, and times in the log with most of it."""
@@ -312,6 +338,8 @@ class Diagnosis:
 
 def reason_of(rival: Rival) -> str:
     """Return why a rival is not distinguished from a named effect."""
+    if rival.same and is_law(rival.name):
+        return f"the same as {rival.instead_of} in these logs, but it breaks a symmetry of the model"
     if rival.same:
         return f"equivalent to {rival.instead_of} in every log"
     return (

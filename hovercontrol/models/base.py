@@ -16,6 +16,7 @@ from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.core.signals import Signal
 from hovercontrol.effects import Effect, Shape, effect_class
+from hovercontrol.effects.law import is_law, law_class
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.io.short_repr import WIDTH, listed
 
@@ -118,7 +119,11 @@ class EffectModel(ABC):
         InputError
             If no effect has that name; the message names the nearest one.
         """
-        return effect_class(name)
+        return law_class(name, self.law_units()) if is_law(name) else effect_class(name)
+
+    @abstractmethod
+    def law_units(self) -> dict[str, str]:
+        """Return the unit of each signal that a law may use: states, commands as they act, time."""
 
     @checked
     def effect(self, name: str) -> Effect:

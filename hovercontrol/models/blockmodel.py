@@ -21,6 +21,7 @@ from hovercontrol.core.signals import Signal, time
 from hovercontrol.core.summary import block_line
 from hovercontrol.effects import Effect, effect_class
 from hovercontrol.effects.generic import generic_effects
+from hovercontrol.effects.law import is_law, law_class
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.models.actuated import saturated
 from hovercontrol.models.base import EffectModel, as_measured, delays_of, effect_lines, rate_limit
@@ -167,6 +168,8 @@ class BlockModel(EffectModel):
         InputError
             If no effect has that name; the message names the nearest one.
         """
+        if is_law(name):
+            return law_class(name, self.law_units())
         if self.catalogue is not None and name in Effect.known:
             return effect_class(name)
         generic = generic_effects(self.block)
@@ -229,6 +232,11 @@ class BlockModel(EffectModel):
     def input_units(self) -> dict[str, str]:
         """Return the unit of each input."""
         return {s.name: s.unit for s in self.block.inputs}
+
+    def law_units(self) -> dict[str, str]:
+        """Return the unit of each signal that a law may use: states, inputs as they act, time."""
+        signals = (*self.block.states, *self.block.inputs)
+        return {s.name: s.unit for s in signals if not s.modes} | {"time": "s"}
 
     def input_size(self, cls: type[Effect], inputs: Mapping[str, ArrayLike]) -> float:
         """Return the largest magnitude of an input effect's input: its own input, or all inputs.

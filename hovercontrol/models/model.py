@@ -174,7 +174,7 @@ class Model(EffectModel):
             If no effect has that name; the message names the nearest one.
         """
         own = self._of_fans()
-        return own[name] if name in own else effect_class(name)
+        return own[name] if name in own else super().effect_class(name)
 
     def candidates(self) -> tuple[type[Effect], ...]:
         """Return all known effects that could be added to the model.
@@ -221,6 +221,10 @@ class Model(EffectModel):
         """Return the unit of each command."""
         fans = {f.name: f.command().unit for f in self.fans}
         return {"thrust": self.thrust.unit, "rudder": self.rudder.unit} | fans
+
+    def law_units(self) -> dict[str, str]:
+        """Return the unit of each signal that a law may use: the motion, commands as they act, time."""
+        return craft_units(self.thrust.unit, self.rudder.unit, bool(self.fans))
 
     def units_seen_by(self, cls: type[Effect]) -> dict[str, str]:
         """Return the units that replace ``{thrust}`` and the like in an effect's units."""
@@ -458,6 +462,20 @@ class Model(EffectModel):
             },
         )
         return saturated(block) if (self.limited if limited is None else limited) else block
+
+
+def craft_units(thrust: str, rudder: str, fans: bool) -> dict[str, str]:
+    """Return the unit of each signal of a craft that a law may use.
+
+    Examples
+    --------
+    >>> craft_units("N", "rad", fans=False)["r"], craft_units("N", "rad", fans=True)["fan_torque"]
+    ('rad/s', 'N*m')
+    """
+    commands = (
+        {"fan_x": "N", "fan_y": "N", "fan_torque": "N*m"} if fans else {"thrust": thrust, "rudder": rudder}
+    )
+    return {s.name: s.unit for s in MOTION} | commands | {"time": "s"}
 
 
 def motion_symbols(fans: Iterable[Fan] = (), owner: str = "plant") -> SimpleNamespace:

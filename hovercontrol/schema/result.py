@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, NotRequired, TypedDict
+from typing import Annotated, Literal, NotRequired, TypedDict
 
 from hovercontrol.core.boundary import checked
 from hovercontrol.discrepancy.verdict import Verdict
@@ -58,6 +58,7 @@ class NamedEffect(TypedDict):
     """An effect that the model lacks."""
 
     name: str
+    kind: Annotated[Literal["effect", "law"], "of the catalogue, or a law that is found"]
     equation: Annotated[str, "where it acts"]
     place: Annotated[str, "where in the loop: command, actuator, force, sensor or clock, and of what"]
     coefficient: float
@@ -118,6 +119,14 @@ class RemainderPlace(TypedDict):
     segments: Annotated[list[tuple[float, float]], "s: when it is significant there"]
 
 
+class Predictable(TypedDict):
+    """How much of what remains in an equation any law of one or two signals could take."""
+
+    signals: Annotated[list[str], "of which it is a function"]
+    gain: Annotated[float, "in twice the log likelihood of left-out blocks"]
+    share_named: Annotated[float, "of what these signals tell, the share that named effects have taken"]
+
+
 class Remainder(TypedDict):
     """What one equation still leaves unexplained."""
 
@@ -127,6 +136,7 @@ class Remainder(TypedDict):
     averaged_over: Annotated[float, "s"]
     gain: float
     where: RemainderPlace | None
+    predictable: Predictable | None
 
 
 class SlowError(TypedDict):

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from hovercontrol.effects import Effect
+from hovercontrol.effects.law import is_law, law_text
 
 if TYPE_CHECKING:
     from hovercontrol.discrepancy.diagnosis import Found
@@ -47,7 +48,11 @@ def effect_words(name: str) -> str:
     --------
     >>> effect_words("yaw_coulomb"), effect_words("input_delay")
     ('dry friction in yaw', 'input delay')
+    >>> effect_words("law_r__abs_v__r")
+    "abs(v) r in r'"
     """
+    if is_law(name):
+        return law_text(name)
     axis, _, rest = name.partition("_")
     if axis in _AXES and rest and "_" not in rest.removesuffix("_drag"):
         return f"{_KINDS.get(rest, rest.replace('_', ' '))} in {axis}"

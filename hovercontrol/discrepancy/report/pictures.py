@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from hovercontrol.discrepancy.evidence.blocks import Blocks
 from hovercontrol.discrepancy.evidence.holdout import Ahead
 from hovercontrol.discrepancy.evidence.missing import Missing
+from hovercontrol.discrepancy.laws.yardstick import Yardstick
 from hovercontrol.discrepancy.report.formatting import prime, small, times, unit
 from hovercontrol.discrepancy.report.free_run import FreeRun
 from hovercontrol.discrepancy.report.templates import render
@@ -161,6 +162,17 @@ def forces(
         plot.spans(sides[-1][0].segments, sides[-1][1])
         found.append(plot.svg(_bracketed(was.unit), "[s]"))
     return found
+
+
+def over_signal(yardstick: Yardstick, force_unit: str, signal_unit: str) -> str:
+    """Return a plot of what is missing in an equation as a function of a signal, with two standard errors."""
+    at, force, std = yardstick.at, yardstick.force, yardstick.std
+    limits = bounds([force - 2 * std, force + 2 * std], around_zero=True)
+    plot = Plot((float(at[0]), float(at[-1])), limits, prime(yardstick.equation), (360.0, 190.0))
+    plot.line(at, np.zeros_like(at), "zero")
+    plot.band(at, force - 2 * std, force + 2 * std, "after")
+    plot.line(at, force, "after")
+    return plot.svg(_bracketed(force_unit), f"{yardstick.signals[0]} {_bracketed(signal_unit)}".strip())
 
 
 def floor_map(title: str, x: Array, y: Array, force: Array, label: str, kind: str) -> str:

@@ -11,7 +11,7 @@ from hovercontrol.discrepancy.evidence.laws import regime_of, small, worst
 from hovercontrol.discrepancy.evidence.missing import Missing
 from hovercontrol.discrepancy.report import pictures
 from hovercontrol.discrepancy.report.context import Context
-from hovercontrol.discrepancy.report.formatting import listed, prime, unit
+from hovercontrol.discrepancy.report.formatting import listed, prime, rounded, unit
 from hovercontrol.discrepancy.report.formatting import small as digits
 from hovercontrol.discrepancy.report.free_run import on_rows
 from hovercontrol.discrepancy.report.templates import Table, legend, render, table
@@ -43,6 +43,8 @@ def remainder(m: Context) -> str:
         sizes=_sizes(m, now),
         sensors=_sensors(m),
         maps=_maps(m, now),
+        laws=_laws(m),
+        curves=_curves(m),
         kinds=legend("before", "after") if m.changed else legend("before"),
         logs=logs,
     )
@@ -68,6 +70,29 @@ def _sizes(m: Context, missing: Sequence[Missing]) -> Table:
         rows.append((prime(r.equation), size, *([share] if m.changed else []), where, when))
     explained = ("explained",) if m.changed else ()
     return table(("equation", "remains", *explained, "largest", "when"), rows)
+
+
+def _laws(m: Context) -> Table | None:
+    """Return the table of what any law of one or two signals could still take; None if it is not asked."""
+    d = m.diagnosis
+    rows = []
+    for y in d.yardsticks:
+        taken = d.taken(y.equation)
+        told = f"any function of {listed(y.signals)}" if y.gain > 0.0 else "no function of one or two signals"
+        rows.append((prime(y.equation), told, rounded(y.gain), rounded(taken), percent(y.share(taken))))
+    head = ("equation", "could still be told by", "gain", "gain of the named effects", "told")
+    return table(head, rows) if rows else None
+
+
+def _curves(m: Context) -> list[str]:
+    """Return plots of what is missing as a function of the signal that tells most of it."""
+    d, units = m.diagnosis, m.diagnosis.amended.law_units()
+    of = {r.equation: r.unit for r in d.remainders}
+    return [
+        pictures.over_signal(y, of[y.equation], units[y.signals[0]])
+        for y in d.yardsticks
+        if y.at.size > 1 and y.gain > 0.0
+    ]
 
 
 def _sensors(m: Context) -> Table | None:

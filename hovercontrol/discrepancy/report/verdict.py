@@ -25,6 +25,7 @@ from hovercontrol.discrepancy.report.formatting import (
 from hovercontrol.discrepancy.report.templates import legend, render
 from hovercontrol.discrepancy.search.leads import ASKED_FOR, Lead
 from hovercontrol.effects import Effect
+from hovercontrol.effects.law import is_law
 from hovercontrol.io.percent import percent
 
 if TYPE_CHECKING:
@@ -104,7 +105,10 @@ def _named(d: Diagnosis, name: str, numbers: Sequence[Found]) -> str:
     doubtful = listed([effect_words(r.name) for r in rivals if not r.same], "or")
     same = listed([effect_words(r.name) for r in rivals if r.same], "or")
     said = f"{effect_words(name)}, {numbers_of(numbers)}" if numbers else effect_words(name)
-    said += f" (or {same}: both have the same effect on every log)" if same else ""
+    if same and is_law(name):
+        said += f" (or {same}: the same in these logs, but it breaks a symmetry of the model)"
+    elif same:
+        said += f" (or {same}: both have the same effect on every log)"
     return f"{said}, or else {doubtful}: these logs do not distinguish them" if doubtful else said
 
 

@@ -6,16 +6,18 @@ along the fixed path of the fit, carried to the next row. For the channels, it i
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
 
 import numpy as np
+import sympy as sp
 from numpy.typing import NDArray
 
 from hovercontrol.core.block import Block
 from hovercontrol.core.functions import Function, array_function
 from hovercontrol.discrepancy.search.candidates import Candidate
 from hovercontrol.effects import Effect
+from hovercontrol.effects.law import Law
 from hovercontrol.estimation.fit import Fit
 from hovercontrol.estimation.inputs import Inputs
 from hovercontrol.estimation.subject import Subject, followed_rate, rate_key, structure, timing
@@ -43,9 +45,16 @@ def columns(fit: Fit, tried: Sequence[Candidate]) -> tuple[Array, Array, list[tu
     n = len(problem.free)
     width = sum(max(len(c.amplitudes), 1) for c in tried)
     drive, seen = np.zeros((K - 1, W, n, width)), np.zeros((K, W, C, width))
-    own, at = [], 0
+    own: list[tuple[int, ...]] = []
+    at = 0
     runs = Along(fit)
+    laws = runs.forcing_of_laws([c.trial for c in tried if isinstance(c.trial, Law)])
     for candidate in tried:
+        if isinstance(candidate.trial, Law):
+            drive[..., at] = _finite(next(laws))
+            own.append((at,))
+            at += 1
+            continue
         mine = []
         for key in candidate.amplitudes or ("",):
             alone = _alone(candidate, key)
@@ -107,6 +116,37 @@ class Along:
             if self._base is None:
                 self._base = self._slopes(problem.model, self._values)
             added = self._slopes(model, values) - self._base
+        return self._within.become(added)
+
+    def forcing_of_laws(self, laws: Sequence[Law]) -> Iterator[Array]:
+        """Return what each law adds to the free states from row to row, (K-1, W, n), all by one function.
+
+        As :meth:`forcing`; the difference of the slopes is the law's own term.
+
+        Parameters
+        ----------
+        laws : sequence of Law
+            At their trial values.
+        """
+        for e, form in zip(laws, self.forms_of_laws(laws), strict=True):
+            yield self.carried(e.equation, e.values["value"] * form)
+
+    def forms_of_laws(self, laws: Sequence[Law]) -> list[Array]:
+        """Return the form of each law (its term per coefficient) in the middles of sub-steps, each (M, W)."""
+        if not laws:
+            return []
+        model = self.problem.model.with_effects(laws)
+        block = structure(model)
+        x, u, every = self._path(model, block, {**self._rate, **self._values})
+        function = array_function(block, [term_of(block, e) for e in laws])
+        with np.errstate(all="ignore"):
+            return [np.broadcast_to(f, self._t.shape) for f in function(self._t, x, u, every)]
+
+    def carried(self, equation: str, slope: Array) -> Array:
+        """Return what a slope of one state, (M, W), adds to the free states from row to row, (K-1, W, n)."""
+        names = [s.name for s in self.problem.block.states]
+        added = np.zeros((len(self.problem.free), *self._t.shape))
+        added[self.problem.free.index(names.index(equation))] = slope
         return self._within.become(added)
 
     def _difference(self, model: Subject, values: Mapping[str, float]) -> Array | None:
@@ -195,6 +235,13 @@ class Along:
             seen, was = new.index(shown_by(new, channel)), old.index(shown_by(old, channel))
             found[..., c] = after[seen] - before[was]
         return np.where(problem.seen, found, 0.0)
+
+
+def term_of(block: Block, law: Law) -> sp.Expr:
+    """Return the term of a law in a Block that has it, per coefficient."""
+    own = block.parameter(law.parameter("value")).symbol
+    terms = sp.Add.make_args(block.expand(block.derivatives[law.equation]))
+    return sp.Add(*(sp.diff(term, own) for term in terms if own in term.free_symbols))
 
 
 @lru_cache(maxsize=256)

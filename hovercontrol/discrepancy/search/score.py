@@ -171,6 +171,21 @@ class Scores:
         """Return the columns of candidate i in the table."""
         return tuple(self.P + c for c in self.own[i])
 
+    def correlations(self) -> Array:
+        """Return the correlation of each two columns of candidates, with the unknowns re-estimated.
+
+        Shape (M, M). With c, d: columns of candidates, p: the unknowns that can move, Lambda: the prior::
+
+            S = G_cc - G_cp (G_pp + Lambda)^-1 G_pc,    rho_cd = S_cd / (S_cc S_dd)^(1/2)
+        """
+        mine, total = self.movable, self.G.sum(axis=0)
+        cross = total[mine][:, self.P :]
+        own = total[np.ix_(mine, mine)] + np.diag(self.fit.prior.precision[mine])
+        left = total[self.P :, self.P :] - cross.T @ inverse(own) @ cross
+        size = np.sqrt(np.maximum(np.diag(left), 1e-300))
+        found: Array = left / size[:, None] / size
+        return found
+
     def left_out_gain_of(self, columns: Sequence[int]) -> float:
         """Return the cross-validated gain of some columns together (:meth:`left_out_gain`)."""
         return self._left_out([*self.movable.tolist(), *columns]) - self._left_out_alone

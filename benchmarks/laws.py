@@ -1,0 +1,235 @@
+"""Laws that are in no catalogue: ``python -m benchmarks.laws`` plants six of them in three machines.
+
+Each run has two logs and one held out, process noise and measurement noise, and coefficients up to 3 % off.
+Printed are, with Clopper-Pearson intervals, how often the right form is named (alone, or with rivals that
+are told), how often a false form is named without a rival, and how often the coefficient is within two
+errors.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict, dataclass
+from multiprocessing import get_context
+from pathlib import Path
+
+import numpy as np
+import sympy as sp
+
+import hovercontrol as hc
+from tests.discrepancy.generator import Conditions, changed, craft, given, simulated
+
+Random = np.random.Generator
+
+
+@dataclass(frozen=True)
+class Planted:
+    """A law in a machine: its name, and the range of its coefficient's size."""
+
+    machine: str
+    law: str
+    low: float
+    high: float
+    either: bool = False  # of either sign; else as given
+
+    @property
+    def name(self) -> str:
+        return f"{self.machine}: {self.law}"
+
+
+LAWS = (
+    Planted("craft", "law_r__abs_v__r", -2.0, -1.0),
+    Planted("craft", "law_u__sqr_r", 0.03, 0.08, True),
+    Planted("ship", "law_r__abs_v__r", -0.8, -0.4),
+    Planted("ship", "law_v__abs_r__r", 2.0, 4.0, True),
+    Planted("pendulum", "law_rate__cub_angle", -2.0, -0.8),
+    Planted("pendulum", "law_rate__sin2_angle", 1.0, 2.5, True),
+)
+
+
+@dataclass(frozen=True)
+class Row:
+    """What came of one run."""
+
+    case: str
+    seed: int
+    verdict: str
+    named: str
+    rivals: str
+    value: float
+    estimate: float
+    std: float
+    seconds: float
+    outcome: str
+
+
+def ship() -> hc.BlockModel:
+    """A ship that turns: sway and yaw by linear coefficients (Nomoto's two equations, with sway)."""
+    S = hc.Signal
+    psi, v, r, delta = (
+        S("psi", "rad"),
+        S("v", "m/s", nominal=0.3),
+        S("r", "rad/s", nominal=0.1),
+        S("rudder", "rad"),
+    )
+    numbers = (("yv", "1/s", 0.05), ("yr", "m/s", 0.3), ("yd", "m/s^2", 0.01), ("nv", "1/m/s", 0.04), ("nr", "1/s", 0.3), ("nd", "1/s^2", 0.03))  # fmt: skip
+    p = {n: S(n, unit, start=start) for n, unit, start in numbers}
+    k = {n: s.symbol for n, s in p.items()}
+    return hc.BlockModel(
+        hc.Block(
+            "ship", [psi, v, r], [delta], [psi, v, r], list(p.values()),
+            {
+                "psi": r.symbol,
+                "v": -k["yv"] * v.symbol - k["yr"] * r.symbol + k["yd"] * delta.symbol,
+                "r": -k["nv"] * v.symbol - k["nr"] * r.symbol + k["nd"] * delta.symbol,
+            },
+        )
+    )  # fmt: skip
+
+
+def pendulum() -> hc.BlockModel:
+    """A driven pendulum."""
+    S = hc.Signal
+    q, w, tau = S("angle", "rad"), S("rate", "rad/s"), S("torque", "N m")
+    a, g = S("per_inertia", "1/kg/m^2", start=6.5, lower=0.0), S("gravity", "1/s^2", start=19.0)
+    viscous = S("viscous", "1/s", start=0.3, lower=0.0)
+    pull = a.symbol * tau.symbol - g.symbol * sp.sin(q.symbol) - viscous.symbol * w.symbol
+    return hc.BlockModel(
+        hc.Block("pendulum", [q, w], [tau], [q, w], [a, g, viscous], {"angle": w.symbol, "rate": pull})
+    )
+
+
+#: Of each machine: the model, dt, rows, size of the commands, how long they hold [s], measurement noise,
+#: size of the process noise [unit of the state / s].
+BLOCKS = {
+    "ship": (ship, 0.1, 3000, 0.6, 20.0, {"psi": 2e-3, "v": 3e-3, "r": 1e-3}, {"v": 2e-4, "r": 1e-4}),
+    "pendulum": (pendulum, 0.02, 1500, 4.0, 0.8, {"angle": 1e-3, "rate": 5e-3}, {"rate": 0.1}),
+}
+
+
+def block_case(planted: Planted, seed: int) -> tuple[hc.BlockModel, list[hc.Log], hc.Log, float]:
+    """Return the given model of a machine, two logs, one held out, and the coefficient of the law."""
+    make, dt, n, size, hold, noise, push = BLOCKS[planted.machine]
+    rng = np.random.default_rng([seed, 7])
+    model = make()
+    truth = model.with_coefficients({k: v * rng.uniform(0.8, 1.25) for k, v in model.coefficients().items()})
+    value = _value(planted, rng)
+    believed = truth.with_coefficients(
+        {k: v * rng.uniform(0.97, 1.03) for k, v in truth.coefficients().items()}
+    )
+    plant = truth.with_effects([truth.effect_class(planted.law)(value)]).plant(late=True)
+    pushes = {name: hc.Signal(f"push_{name}", f"({plant.signal(name).unit})/s") for name in push}
+    d = {**plant.derivatives, **{n_: plant.derivatives[n_] + s.symbol for n_, s in pushes.items()}}
+    run_block = changed(plant, d, inputs=tuple(pushes.values())).compile(friction="smooth")
+    t = dt * np.arange(n)
+
+    def log(name: str) -> hc.Log:
+        edges = np.cumsum(rng.uniform(0.4 * hold, 1.6 * hold, int(n * dt / hold * 3) + 3))
+        command = rng.uniform(-size, size, edges.size)[np.searchsorted(edges, t)]
+        rows = [command, *(_coloured(rng, n, dt, push[p]) for p in pushes)]
+        run = run_block.simulate(t, rows, rtol=1e-8, atol=1e-10)
+        y = dict(zip(run.output_labels, np.atleast_2d(run.outputs), strict=True))
+        seen = {c: y[c] + s * rng.normal(size=n) for c, s in noise.items()}
+        return hc.Log(name, t, {**seen, believed.block.inputs[0].name: command})
+
+    return believed, [log("log 1"), log("log 2")], log("hold-out"), value
+
+
+def _coloured(rng: Random, n: int, dt: float, size: float) -> np.ndarray:
+    fade = np.exp(-dt / 0.3)
+    z, values = rng.normal(size=n), [0.0]
+    for fresh in z[1:]:
+        values.append(fade * values[-1] + size * np.sqrt(1 - fade**2) * fresh)
+    return np.array(values)
+
+
+def _value(planted: Planted, rng: Random) -> float:
+    value = float(rng.uniform(planted.low, planted.high))
+    return value * float(rng.choice([-1.0, 1.0])) if planted.either else value
+
+
+def case(planted: Planted, seed: int) -> tuple[hc.Model | hc.BlockModel, list[hc.Log], hc.Log, float]:
+    """Return the given model, two logs, one held out, and the coefficient of the law."""
+    if planted.machine != "craft":
+        return block_case(planted, seed)
+    rng = np.random.default_rng([seed, 7])
+    model, conditions = craft(rng), Conditions(duration=30.0, gusts=True)
+    value = _value(planted, rng)
+    truth = model.with_effects([model.effect_class(planted.law)(value)])
+    runs = [simulated(truth, rng, conditions, n) for n in ("log 1", "log 2", "hold-out")]
+    return given(model, np.random.default_rng([seed, 1])), runs[:2], runs[2], value
+
+
+def run(planted: Planted, seed: int) -> Row:
+    """Return what comes of one run."""
+    model, logs, holdout, value = case(planted, seed)
+    begin = time.perf_counter()
+    found = hc.diagnose(model, logs, holdout)
+    seconds = time.perf_counter() - begin
+    named = {e.effect: e for e in found.effects}
+    rivals = {r.name for r in found.rivals if not r.same}
+    own = named.get(planted.law)
+    if own is not None and set(named) == {planted.law}:
+        outcome = "told among rivals" if found.verdict == "ambiguous" else "right"
+    elif planted.law in {*named, *rivals}:
+        outcome = "told among rivals" if found.verdict == "ambiguous" else "right and more"
+    elif not named:
+        outcome = "withheld"
+    else:
+        outcome = "false, told as one of several" if found.verdict == "ambiguous" else "false"
+    return Row(
+        planted.name, seed, found.verdict, "+".join(named), "+".join(sorted(rivals)), value,
+        own.value if own else float("nan"), own.std if own else float("nan"), round(seconds, 1), outcome,
+    )  # fmt: skip
+
+
+def results(seeds: range, jobs: int, only: str = "") -> Iterator[Row]:
+    """Yield the rows of all runs, as they end."""
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+        todo = [pool.submit(run, p, s) for s in seeds for p in LAWS if only in p.name]
+        for one in as_completed(todo):
+            yield one.result()
+
+
+def main(show: Callable[[str], None] = print) -> None:
+    parser = argparse.ArgumentParser("benchmarks.laws", description=__doc__.split("\n")[0])
+    parser.add_argument("--seeds", type=int, default=10, help="runs of each law (default: 10)")
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--only", default="", help="only laws whose name has this in it")
+    parser.add_argument("--out", type=Path, help="CSV file")
+    given_ = parser.parse_args()
+    rows = []
+    for row in results(range(given_.first, given_.first + given_.seeds), given_.jobs, given_.only):
+        rows.append(row)
+        show(f"{row.case:32} {row.seed:2} {row.verdict:11} {row.named or '-':40} {row.rivals:30} {row.value:8.3g} {row.estimate:8.3g} ± {row.std:.2g} {row.seconds:6.1f} s  {row.outcome}")  # fmt: skip
+    if given_.out:
+        with given_.out.open("w", newline="") as file:
+            writer = csv.DictWriter(file, list(asdict(rows[0])))
+            writer.writeheader()
+            writer.writerows(asdict(r) for r in rows)
+    summary(rows, show)
+
+
+def summary(rows: list[Row], show: Callable[[str], None]) -> None:
+    """Print shares with their 95 % intervals."""
+    from scipy.stats import binomtest
+
+    def share(what: str, count: int, of: int) -> None:
+        low, high = binomtest(count, of).proportion_ci(method="exact") if of else (0.0, 1.0)
+        show(f"{what:60} {count:3} of {of:3}  ({100 * low:.0f} to {100 * high:.0f} %)")
+
+    n = len(rows)
+    share("right form named (alone)", sum(r.outcome == "right" for r in rows), n)
+    share("right form named, or one of several that are told", sum(r.outcome.startswith(("right", "told")) for r in rows), n)  # fmt: skip
+    share("a false form named without a rival", sum(r.outcome == "false" for r in rows), n)
+    known = [r for r in rows if np.isfinite(r.std)]
+    share("coefficient within two errors, of those named", sum(abs(r.estimate - r.value) <= 2 * r.std for r in known), len(known))  # fmt: skip
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,153 @@
+"""Screening of laws: all forms on one table, and the few that are worth a fit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hovercontrol.discrepancy.criteria import Criteria
+from hovercontrol.discrepancy.laws.symmetry import broken_by, symmetries
+from hovercontrol.discrepancy.search.candidates import Candidate, candidates
+from hovercontrol.discrepancy.search.fit import TRIALS
+from hovercontrol.discrepancy.search.score import Scores
+from hovercontrol.effects.law import Law
+from hovercontrol.estimation.fit import Fit
+
+Array = NDArray[np.float64]
+
+#: Two columns with a correlation beyond this are the same law in these logs.
+SAME = 0.98
+
+#: Laws that are tried alone, and the best partner of so many of them.
+ALONE, PARTNERS = 6, 3
+
+
+@dataclass(frozen=True, eq=False)
+class LikelyLaw:
+    """A law worth a fit.
+
+    Attributes
+    ----------
+    name : str
+    gain : float
+        On left-out blocks, alone or with its partner.
+    same : dict of str to bool
+        Laws that these logs do not tell from it, and whether each breaks more symmetries of the model.
+    """
+
+    name: str
+    gain: float
+    same: dict[str, bool]
+
+
+@dataclass(frozen=True, eq=False)
+class Screened:
+    """What a screening found.
+
+    Attributes
+    ----------
+    laws : list of LikelyLaw
+        The best first.
+    tests : float
+        The effective number of independent laws that were looked at (:func:`effective_tests`).
+    """
+
+    laws: list[LikelyLaw]
+    tests: float
+
+
+def effective_tests(correlations: Array) -> float:
+    """Return the effective number of independent tests among correlated ones.
+
+    With the eigenvalues lambda of the matrix of correlations, ``(sum lambda^(1/2))^2 / sum lambda`` (Galwey,
+    Genetic Epidemiology 33 (2009), 559).
+
+    Parameters
+    ----------
+    correlations : ndarray, shape (n, n)
+
+    Examples
+    --------
+    >>> effective_tests(np.eye(5)), round(effective_tests(np.ones((5, 5))), 6)
+    (5.0, 1.0)
+    """
+    if not correlations.size:
+        return 0.0
+    found = np.maximum(np.linalg.eigvalsh(correlations), 0.0)
+    return float(np.sqrt(found).sum() ** 2 / found.sum())
+
+
+def screened(fit: Fit, names: Sequence[str], criteria: Criteria) -> Screened:
+    """Return the laws worth a fit: the best alone, and the best partners of these.
+
+    Laws that the logs do not tell apart are one. It goes by the name of the one that breaks fewest symmetries
+    of the model, then the simplest. A law that is also in the catalogue is left to the catalogue.
+
+    Parameters
+    ----------
+    fit : Fit
+    names : sequence of str
+        Of laws.
+    criteria : Criteria
+    """
+    model = fit.problem.model
+    have = {e.name for e in model.effects}
+    trials = [model.effect_class(n)(1.0) for n in names if n not in have]
+    known = [c for c in candidates(fit) if len(c.amplitudes) == 1 and type(c.trial).kind() == "force"]
+    scores = Scores(fit, [*(Candidate(e.name, e, ("value",)) for e in trials), *known])
+    return _Screening(scores, [type(e) for e in trials], criteria).result()
+
+
+class _Screening:
+    """The table of laws (the first columns) and of what the catalogue has, and the choice on it."""
+
+    def __init__(self, scores: Scores, laws: Sequence[type], criteria: Criteria) -> None:
+        signs = symmetries(scores.fit.problem.model)
+        self.scores = scores
+        self.laws = [cls for cls in laws if issubclass(cls, Law)]
+        self.broken = [broken_by(cls, signs) for cls in self.laws]
+        n = len(self.laws)
+        told = np.array([scores.of(i).gain > 0.0 for i in range(n)])  # the model does not have it already
+        rho = scores.correlations()
+        known = (np.abs(rho[:n, n:]) > SAME).any(axis=1) if rho.shape[1] > n else np.zeros(n, dtype=bool)
+        self.open = told & ~known
+        self.alike = np.abs(rho[:n, :n]) > SAME
+        self.tests = effective_tests(rho[:n, :n][np.ix_(told, told)])
+        self.least = TRIALS.promised * criteria.least
+        self.gains = np.array([scores.left_out_gain(i) if self.open[i] else 0.0 for i in range(n)])
+
+    def result(self) -> Screened:
+        found: dict[int, LikelyLaw] = {}
+        order = [int(i) for i in np.argsort(-self.gains, kind="stable") if self.gains[i] >= self.least]
+        for i in order:
+            if len(found) < ALONE:
+                best, group = self._named(i)
+                found.setdefault(best, self._likely(best, group, self.gains[i]))
+        for i in list(found)[:PARTNERS]:
+            j, gain = self._partner(i)
+            if gain > self.gains[i] + self.least:
+                best, group = self._named(j)
+                found.setdefault(best, self._likely(best, group, gain))
+        return Screened(sorted(found.values(), key=lambda s: -s.gain), self.tests)
+
+    def _named(self, i: int) -> tuple[int, list[int]]:
+        """Return the law by whose name a group of indistinguishable ones goes, and the group."""
+        group = [
+            int(j) for j in np.flatnonzero(self.open & (self.alike[i] | (np.arange(len(self.laws)) == i)))
+        ]
+        best = min(group, key=lambda j: (self.broken[j], self.laws[j].complexity(), -self.gains[j]))
+        return best, group
+
+    def _likely(self, best: int, group: list[int], gain: float) -> LikelyLaw:
+        same = {self.laws[j].name: self.broken[j] > self.broken[best] for j in group if j != best}
+        return LikelyLaw(self.laws[best].name, float(gain), same)
+
+    def _partner(self, i: int) -> tuple[int, float]:
+        """Return the law that gains most beside another one, and their gain together."""
+        own = self.scores.columns_of(i)
+        others = [int(j) for j in np.flatnonzero(self.open & ~self.alike[i]) if j != i]
+        gains = [self.scores.left_out_gain_of((*own, *self.scores.columns_of(j))) for j in others]
+        return (others[int(np.argmax(gains))], max(gains)) if gains else (i, 0.0)
