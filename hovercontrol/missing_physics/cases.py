@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.core.signals import Signal
+from hovercontrol.effects.drag import per_second
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.logs import Log
 from hovercontrol.missing_physics.machines import MACHINES, Machine
@@ -118,7 +119,9 @@ def benchmark_names(edition: str = "small") -> list[str]:
     'rudder.yaw_quadratic_drag.usual.0'
     """
     if edition not in EDITIONS:
-        raise InputError(f"edition: expected small or full, found {edition!r}{did_you_mean(edition, EDITIONS)}")
+        raise InputError(
+            f"edition: expected small or full, found {edition!r}{did_you_mean(edition, EDITIONS)}"
+        )
     found = []
     for m, (name, machine) in enumerate(MACHINES.items()):
         lacks = [*machine.effects, *(law_name(*law) for law in machine.laws), NOTHING, NOTHING]
@@ -166,9 +169,7 @@ def blind_names(key: str, edition: str = "small") -> dict[str, str]:
         return int.from_bytes(hashlib.sha256(f"{key}\0{name}".encode()).digest()[:6], "big")
 
     order = sorted(benchmark_names(edition), key=hashed)
-    return {
-        f"blind-{k:03}": f"{name.rpartition('.')[0]}.{hashed(name)}" for k, name in enumerate(order, 1)
-    }
+    return {f"blind-{k:03}": f"{name.rpartition('.')[0]}.{hashed(name)}" for k, name in enumerate(order, 1)}
 
 
 def law_name(equation: str, expression: str) -> str:
@@ -234,7 +235,7 @@ def parsed(name: str) -> tuple[str, str, str, int]:
     return machine, what, condition, int(seed)
 
 
-def _drawn[M: (Model, BlockModel)](model: M, part: float, rng: Random) -> M:
+def _drawn(model: Model | BlockModel, part: float, rng: Random) -> Model | BlockModel:
     """Return the model with each coefficient, but for widths of friction, changed by up to `part`."""
     return model.with_coefficients({
         k: v if k.endswith("_width") else v * float(rng.uniform(1 - part, 1 + part))
@@ -256,8 +257,9 @@ def _planted(
     equation, text = law
     plant = model.plant()
     size = part * float(rng.uniform(*kind.laws[law]))
-    hidden = Signal("hidden_law", "1", start=size)
-    term = -hidden.symbol * expression_of(text, plant)
+    law_term = expression_of(text, plant)
+    hidden = Signal("hidden_law", law_unit(equation, law_term, plant), start=size)
+    term = -hidden.symbol * law_term
     rates = {**plant.derivatives, equation: plant.derivatives[equation] + term}
     return with_rates(plant, rates, parameters=(hidden,)), Truth(what, {equation: f"-{text}"}, size)
 
@@ -279,6 +281,16 @@ def expression_of(text: str, block: Block) -> sp.Expr:
     if not known:
         raise InputError(f"expected an expression of {', '.join(names)}, found {text!r}")
     return found
+
+
+def law_unit(equation: str, term: sp.Expr, block: Block) -> str:
+    """Return the unit of the coefficient of a product of powers, absolute values and sines in an equation."""
+    unit = f"({per_second(block.signal(equation).unit)})"
+    for factor, power in term.as_powers_dict().items():
+        signal = next(iter(factor.free_symbols), None) if not isinstance(factor, sp.sin | sp.cos) else None
+        if signal is not None and block.signal(signal.name).unit != "1":
+            unit += f"/({block.signal(signal.name).unit})^{power}"
+    return unit
 
 
 def with_rates(
@@ -309,7 +321,7 @@ def _log(kind: Machine, plant: Block, name: str, condition: str, rng: Random) ->
     commands = {k: steps(rng, n, dt, kind.hold, span) for k, span in kind.commands.items()}
     pushes: dict[str, Array] = {}
     if condition == "gusts":
-        signals = {e: Signal(f"gust_{e}", "1") for e in kind.gusts}
+        signals = {e: Signal(f"gust_{e}", per_second(plant.signal(e).unit)) for e in kind.gusts}
         added = {e: plant.derivatives[e] + s.symbol for e, s in signals.items()}
         plant = with_rates(plant, {**plant.derivatives, **added}, inputs=tuple(signals.values()))
         pushes = {f"gust_{e}": gust(rng, n, dt, size) for e, size in kind.gusts.items()}
@@ -317,9 +329,7 @@ def _log(kind: Machine, plant: Block, name: str, condition: str, rng: Random) ->
     states = np.atleast_2d(run.states)
     rows = {s.name: k for k, s in enumerate(plant.states)}
     more = 3.0 if condition == "noise" else 1.0
-    seen = {
-        c: states[rows[c]] + more * size * rng.normal(size=n) for c, size in kind.noise.items()
-    }
+    seen = {c: states[rows[c]] + more * size * rng.normal(size=n) for c, size in kind.noise.items()}
     log, kept = Log(name, t, {**seen, **commands}), np.arange(n)
     if condition == "dirt" and name == "train":
         log, kept = dirty(log, kind, rng)

@@ -1,0 +1,72 @@
+"""A linear ARX model of residuals: it tells whether something is missing, and predicts; it names no law."""
+
+from __future__ import annotations
+
+import numpy as np
+import sympy as sp
+from numpy.typing import NDArray
+
+from hovercontrol.logs import Log
+from hovercontrol.missing_physics.answer import Answer
+from hovercontrol.missing_physics.rivals.residuals import Residuals, residuals
+from hovercontrol.missing_physics.rivals.sindy import added
+from hovercontrol.models.interface import AnyModel, as_model
+
+Array = NDArray[np.float64]
+
+WINDOW = 15
+#: Past samples of states and inputs that act on the residual now, each one window apart.
+LAGS = 3
+#: Something is missing if the held-out mean square falls by this share.
+WORTH = 0.05
+
+
+def answer(model: AnyModel, train: tuple[Log, ...], holdout: Log) -> Answer:
+    """Return the answer of a linear model of the residual e of each equation.
+
+    ::
+
+        e(t) = c0 + sum over k of b_k z(t - k h),    z = states and inputs, h = one window
+
+    Coefficients are those of least squares on the training logs, with the model's own coefficients refitted
+    beside them. The model for predictions has the part without memory (k = 0).
+    """
+    block = as_model(model).plant()
+    fits, held = [residuals(block, log, WINDOW) for log in train], residuals(block, holdout, WINDOW)
+    signals = [s for s in (*block.states, *block.inputs) if s.unit != "m"]
+    names = [s.name for s in signals]
+    missing, terms = False, []
+    for equation in fits[0].left:
+
+        def errors(lags: int | None, equation: str = equation) -> float:
+            A = np.concatenate([_regressors(f, equation, names, lags) for f in fits])
+            y = np.concatenate([f.left[equation][LAGS * WINDOW :] for f in fits])
+            c = np.linalg.lstsq(A, y, rcond=None)[0]
+            rest = held.left[equation][LAGS * WINDOW :] - _regressors(held, equation, names, lags) @ c
+            return float(np.mean(rest**2))
+
+        if errors(LAGS) > (1 - WORTH) * errors(None):
+            continue
+        missing = True
+        A = np.concatenate([_regressors(f, equation, names, 0) for f in fits])
+        y = np.concatenate([f.left[equation][LAGS * WINDOW :] for f in fits])
+        c = np.linalg.lstsq(A, y, rcond=None)[0][-len(names) - 1 :]
+        laws = [sp.S.One, *(s.symbol for s in signals)]
+        terms += [(equation, law, float(v)) for law, v in zip(laws, c, strict=True) if abs(v) > 1e-9]
+    return Answer("missing" if missing else "none", (), added(block, terms))
+
+
+def _regressors(of: Residuals, equation: str, names: list[str], lags: int | None) -> Array:
+    """Return the model's own columns, and, with `lags`, one and the signals at 0 to `lags` windows ago."""
+    first = LAGS * WINDOW
+    known = of.known[equation][first:]
+    if lags is None:
+        return known
+    n = known.shape[0]
+    past = [
+        of.signals[name][first - k * WINDOW : first - k * WINDOW + n]
+        for k in range(lags, -1, -1)
+        for name in names
+    ]
+    columns = [*past[: -len(names)], np.ones(n), *past[-len(names) :]]
+    return np.column_stack([known, *columns])
