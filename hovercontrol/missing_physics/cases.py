@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from zlib import crc32
@@ -25,8 +26,8 @@ from hovercontrol.models.model import Model
 Array = NDArray[np.float64]
 Random = np.random.Generator
 
-#: ``usual`` measurement noise; ``noise`` three times as much; ``dirt`` 2 % outliers of 50 standard deviations,
-#: 5 % of the rows lost, stamps off by up to 15 % of a step; ``gusts`` random accelerations of correlation
+#: ``usual`` measurement noise; ``noise`` three times as much; ``dirt`` 2 % outliers of 50 standard
+#: deviations, 5 % of the rows lost, stamps off by up to 15 % of a step; ``gusts`` random accelerations of correlation
 #: time 0.3 s; ``mild`` what is missing has 40 % of its size.
 CONDITIONS = ("usual", "noise", "dirt", "gusts", "mild")
 NOTHING = "nothing"
@@ -45,7 +46,7 @@ class Truth:
     Attributes
     ----------
     name : str
-        Name of an effect, of a law (``law_r_Abs(v)*r``), or ``"nothing"``.
+        Name of an effect, of a law (``law_r_abs_v_r``), or ``"nothing"``.
     terms : dict of str to str
         By equation, the expression that is missing, up to its coefficient; empty for an effect that adds no
         single product (a lag).
@@ -54,8 +55,8 @@ class Truth:
 
     Examples
     --------
-    >>> Truth("law_r_Abs(v)*r", {"r": "-Abs(v)*r"}, 0.6).name
-    'law_r_Abs(v)*r'
+    >>> Truth("law_r_abs_v_r", {"r": "-Abs(v)*r"}, 0.6).name
+    'law_r_abs_v_r'
     """
 
     name: str
@@ -174,7 +175,7 @@ def blind_names(key: str, edition: str = "small") -> dict[str, str]:
 
 def law_name(equation: str, expression: str) -> str:
     """Return the name of a law in a case's name."""
-    return f"law_{equation}_{expression}"
+    return f"law_{equation}_{re.sub(r'\W+', '_', expression).strip('_').lower()}"
 
 
 @checked
@@ -193,7 +194,7 @@ def benchmark_case(name: str) -> Case:
 
     Examples
     --------
-    >>> case = benchmark_case("ship.law_v_v**3.usual.0")
+    >>> case = benchmark_case("ship.law_v_v_3.usual.0")
     >>> case.truth.terms, len(case.train)
     ({'v': '-v**3'}, 1)
     """
@@ -364,3 +365,16 @@ def dirty(log: Log, kind: Machine, rng: Random) -> tuple[Log, NDArray[np.intp]]:
     stamps = log.time + rng.uniform(-0.15, 0.15, n) * kind.dt
     kept = np.flatnonzero(rng.random(n) > 0.05)
     return replace(log, time=stamps[kept], columns={k: v[kept] for k, v in columns.items()}), kept
+
+
+def given_model(machine: str, values: Mapping[str, float]) -> Model | BlockModel:
+    """Return the model of a machine with these coefficients, as the files of a case have it.
+
+    Raises
+    ------
+    InputError
+        If the machine or a coefficient is unknown.
+    """
+    if machine not in MACHINES:
+        raise InputError(f"benchmark: unknown machine {machine!r}{did_you_mean(machine, MACHINES)}")
+    return MACHINES[machine].model().with_coefficients(values)

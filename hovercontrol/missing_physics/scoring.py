@@ -96,7 +96,7 @@ def score_answer(case: Case, answer: Answer) -> Score:
     Examples
     --------
     >>> from hovercontrol.missing_physics import benchmark_case
-    >>> case = benchmark_case("ship.law_v_v**3.usual.0")
+    >>> case = benchmark_case("ship.law_v_v_3.usual.0")
     >>> found = score_answer(case, Answer("missing", (Term("v", "v**3"), Term("r", "r"))))
     >>> found.form, found.equation, found.false_names
     (True, True, 1)
@@ -131,7 +131,7 @@ def _finding(name: str) -> str:
 
 
 def _named(case: Case, term: Term) -> bool:
-    return _finding(term.text) == _finding(case.truth.name)
+    return not case.truth.terms and _finding(term.text) == _finding(case.truth.name)
 
 
 def _own_forms(case: Case) -> dict[str, sp.Expr]:
@@ -156,10 +156,9 @@ def effect_terms(model: object, cls: type) -> dict[str, sp.Expr]:
     first = next(iter(cls.numbers))  # type: ignore[attr-defined]
     try:
         start = cls.small().values  # type: ignore[attr-defined]
-        plants = [given.with_effects([cls(**{**start, first: v})]).plant() for v in (1.0, 1.0)]
+        block, base = given.with_effects([cls(**{**start, first: 1.0})]).plant(), given.plant()
     except InputError:
         return {}
-    block, base = plants[0], given.plant()
     if len(block.states) != len(base.states):  # it has a memory: no term of states and inputs
         return {}
     values = {p.symbol: sp.Float(p.start) for p in block.parameters if p not in base.parameters}
@@ -260,7 +259,7 @@ def _errors(case: Case, plant: Block) -> dict[float, Array]:
     x[at] = case.motion.T
     longest = round(HORIZONS[-1] / dt)
     start = np.unique(np.linspace(0, n - 1 - longest, STARTS).astype(int))
-    derivatives, values = plant.to_numpy().derivatives, plant.default_parameters
+    derivatives, values = plant.to_numpy().derivatives, plant.parameter_values()
     now, found, fine = x[:, start], {}, max(2, math.ceil(dt / 5e-3))
     h = dt / fine
     with np.errstate(all="ignore"):

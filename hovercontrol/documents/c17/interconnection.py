@@ -13,12 +13,12 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import ArrayLike, NDArray
-from scipy.stats import beta
+from numpy.typing import NDArray
 
 from hovercontrol.analysis.iss import DRAG
 from hovercontrol.analysis.loops import c17_ellipse, on_reference, tracking_loop
 from hovercontrol.analysis.output import Progress, part, quiet, save
+from hovercontrol.analysis.proportions import clopper_pearson
 from hovercontrol.analysis.regions import Axis, Region, axis, refuse_large
 from hovercontrol.core.arguments import at_least
 from hovercontrol.core.boundary import checked
@@ -37,39 +37,6 @@ STEP = 0.01
 
 #: Seconds that a run takes, of loops with C17's estimator on one core: for the estimate before a sweep.
 SECONDS_PER_RUN = 2e-3
-
-
-@checked
-def clopper_pearson(successes: ArrayLike, runs: ArrayLike, level: float = 0.95) -> tuple[Array, Array]:
-    """Return the exact confidence interval of a probability, lower and upper ends.
-
-    Parameters
-    ----------
-    successes, runs : array_like
-        Counts, of shapes that broadcast.
-    level : float, optional
-        Between 0 and 1.
-
-    Raises
-    ------
-    InputError
-        If the level or a count is out of range.
-
-    Examples
-    --------
-    >>> low, high = clopper_pearson(10_000, 10_000)
-    >>> round(float(low), 5), float(high)
-    (0.99963, 1.0)
-    """
-    k, n = np.broadcast_arrays(np.asarray(successes, dtype=float), np.asarray(runs, dtype=float))
-    if not 0 < level < 1:
-        raise InputError(f"level must lie between 0 and 1, found {level!r}")
-    if (k < 0).any() or (k > n).any() or (n < 1).any():
-        raise InputError("successes must lie between 0 and the number of runs, and runs be 1 or more")
-    tail = (1 - level) / 2
-    low = np.where(k == 0, 0.0, beta.ppf(tail, np.maximum(k, 1), n - k + 1))
-    high = np.where(k == n, 1.0, beta.isf(tail, k + 1, np.maximum(n - k, 1)))
-    return low, high
 
 
 @checked

@@ -62,7 +62,7 @@ def residuals(block: Block, log: Log, window: int) -> Residuals:
     held = np.clip(np.searchsorted(log.time, t + 1e-9, side="right") - 1, 0, len(log) - 1)
     inputs = {s.name: log[s.name][held] for s in block.inputs}
     x, u = np.array(list(smooth.values())), np.array(list(inputs.values()))
-    values = np.asarray(block.default_parameters, dtype=float)
+    values = np.asarray(block.parameter_values(), dtype=float)
     f = block.to_numpy().derivatives
     now = f(0.0, x, u, values)
     # the same smoothing on both sides: a step of an input is smeared in the measured derivative

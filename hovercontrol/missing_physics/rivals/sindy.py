@@ -34,7 +34,7 @@ TWINS = 0.999
 
 
 def library(block: Block) -> list[sp.Expr]:
-    """Return the laws: constants, powers, absolute values, signs, products of two signals, sines of angles."""
+    """Return the laws: one, powers, absolute values, signs, products of two signals, sines of angles."""
     positions = {s.symbol for s in block.states if s.unit == "m"}
     every = [s for s in (*block.states, *block.inputs) if s.symbol not in positions]
     angles = [s.symbol for s in block.states if s.unit == "rad"]
@@ -108,8 +108,8 @@ def _sparse(
 ) -> tuple[float, list[tuple[sp.Expr, float, float]]]:
     """Return the held-out score of one equation, and the terms with coefficients and standard errors.
 
-    The score is the mean square of what remains of the held-out residual, over that of the measured derivative
-    left by the refitted model without any term.
+    The score is the mean square of what remains of the held-out residual, over the same
+    of the refitted model without any term.
     """
     known = np.concatenate([f.known[equation] for f in fits])
     whole = np.concatenate([_columns(laws, block, f) for f in fits])

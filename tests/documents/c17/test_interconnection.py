@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest
 
-from hovercontrol.documents.c17.interconnection import clopper_pearson, region_of_attraction
+from hovercontrol.analysis.proportions import clopper_pearson
+from hovercontrol.documents.c17.interconnection import region_of_attraction
 from hovercontrol.errors import InputError
 
 
