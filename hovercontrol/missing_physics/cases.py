@@ -27,8 +27,8 @@ Array = NDArray[np.float64]
 Random = np.random.Generator
 
 #: ``usual`` measurement noise; ``noise`` three times as much; ``dirt`` 2 % outliers of 50 standard
-#: deviations, 5 % of the rows lost, stamps off by up to 15 % of a step; ``gusts`` random accelerations of correlation
-#: time 0.3 s; ``mild`` what is missing has 40 % of its size.
+#: deviations, 5 % of the rows lost, stamps off by up to 15 % of a step; ``gusts`` random accelerations of
+#: correlation time 0.3 s; ``mild`` what is missing has 40 % of its size.
 CONDITIONS = ("usual", "noise", "dirt", "gusts", "mild")
 NOTHING = "nothing"
 EDITIONS = ("small", "full")
@@ -175,7 +175,8 @@ def blind_names(key: str, edition: str = "small") -> dict[str, str]:
 
 def law_name(equation: str, expression: str) -> str:
     """Return the name of a law in a case's name."""
-    return f"law_{equation}_{re.sub(r'\W+', '_', expression).strip('_').lower()}"
+    word = re.sub(r"\W+", "_", expression).strip("_").lower()
+    return f"law_{equation}_{word}"
 
 
 @checked
@@ -318,7 +319,7 @@ def with_rates(
 def _log(kind: Machine, plant: Block, name: str, condition: str, rng: Random) -> tuple[Log, Array]:
     """Return a log, and the true states at the rows of the log."""
     n, dt = ROWS[name], kind.dt
-    t = dt * np.arange(n)
+    t: Array = (dt * np.arange(n)).astype(float)
     commands = {k: steps(rng, n, dt, kind.hold, span) for k, span in kind.commands.items()}
     pushes: dict[str, Array] = {}
     if condition == "gusts":

@@ -60,7 +60,9 @@ class Machine:
 
 def _block(name: str, states: list[Signal], inputs: list[Signal], parameters: Mapping[str, Signal],
            rates: Mapping[str, sp.Expr]) -> BlockModel:  # fmt: skip
-    return BlockModel(Block(name, states, inputs, states, list(parameters.values()), dict(rates)))
+    return BlockModel(
+        Block(name, tuple(states), tuple(inputs), tuple(states), tuple(parameters.values()), dict(rates))
+    )
 
 
 def _parameters(**given: tuple[float, str]) -> dict[str, Signal]:
@@ -79,7 +81,7 @@ def rudder_craft() -> Model:
         "thrust": 0.75,
         "rudder_torque": 2.5,
     }
-    return Model("rudder", [effect(name, value) for name, value in typical.items()])
+    return Model("rudder", tuple(effect(name, value) for name, value in typical.items()))
 
 
 def ship() -> BlockModel:

@@ -76,8 +76,7 @@ def run_cases(
     report(len(found))
     for (name, tool), row in _each(todo, jobs):
         found[name, tool] = row
-        text = json.dumps(row, default=float)
-        write_atomically(_file(kept, name, tool), lambda path, text=text: path.write_text(text))
+        _keep(_file(kept, name, tool), row)
         report(len(found))
     return [found[n, t] for n in names for t in tools]
 
@@ -94,6 +93,11 @@ def _each(todo: Sequence[tuple[str, str]], jobs: int) -> Iterator[tuple[tuple[st
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             raise
+
+
+def _keep(file: Path, row: Row) -> None:
+    text = json.dumps(row, default=float)
+    write_atomically(file, lambda path: path.write_text(text, encoding="utf-8"))
 
 
 def _file(kept: Path, name: str, tool: str) -> Path:
@@ -145,8 +149,9 @@ def table(rows: Sequence[Row]) -> list[Row]:
             found.append({"tool": tool, "figure": f"held-out error {ahead} s ahead, median fall",
                           "cases": len(values), "met": None, "value": float(middle), "low": float(low),
                           "high": float(high)})  # fmt: skip
+        seconds = float(np.median([r["seconds"] for r in own]))
         found.append({"tool": tool, "figure": "seconds a case, median", "cases": len(own), "met": None,
-                      "value": float(np.median([r["seconds"] for r in own])), "low": None, "high": None})  # fmt: skip
+                      "value": seconds, "low": None, "high": None})  # fmt: skip
     return found
 
 

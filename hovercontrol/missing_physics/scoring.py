@@ -259,17 +259,17 @@ def _errors(case: Case, plant: Block) -> dict[float, Array]:
     x[at] = case.motion.T
     longest = round(HORIZONS[-1] / dt)
     start = np.unique(np.linspace(0, n - 1 - longest, STARTS).astype(int))
-    derivatives, values = plant.to_numpy().derivatives, plant.parameter_values()
+    derivatives = plant.to_numpy().derivatives
     now, found, fine = x[:, start], {}, max(2, math.ceil(dt / 5e-3))
     h = dt / fine
     with np.errstate(all="ignore"):
         for k in range(1, longest + 1):
             u = inputs[:, start + k - 1]
             for _ in range(fine):  # Runge-Kutta of order 4, inputs held
-                a = derivatives(0.0, now, u, values)
-                b = derivatives(0.0, now + 0.5 * h * a, u, values)
-                c = derivatives(0.0, now + 0.5 * h * b, u, values)
-                d = derivatives(0.0, now + h * c, u, values)
+                a = derivatives(0.0, now, u)
+                b = derivatives(0.0, now + 0.5 * h * a, u)
+                c = derivatives(0.0, now + 0.5 * h * b, u)
+                d = derivatives(0.0, now + h * c, u)
                 now = now + h / 6 * (a + 2 * b + 2 * c + d)
             for horizon in HORIZONS:
                 if k == round(horizon / dt):

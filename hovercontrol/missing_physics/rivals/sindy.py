@@ -65,7 +65,7 @@ def answer(model: AnyModel, train: tuple[Log, ...], holdout: Log) -> Answer:
         If pysindy is not installed.
     """
     try:
-        from pysindy.optimizers import STLSQ
+        from pysindy.optimizers import STLSQ  # type: ignore[import-untyped]
     except ImportError:
         raise InputError('--tool sindy needs pysindy: pip install "hovercontrol[rivals]"') from None
     given = as_model(model)
@@ -78,7 +78,7 @@ def answer(model: AnyModel, train: tuple[Log, ...], holdout: Log) -> Answer:
             score, terms = _sparse(STLSQ, laws, block, fits, held, equation)
             if equation not in found or score < found[equation][0]:
                 found[equation] = (score, terms)
-    terms = [(e, *term) for e, (_, own) in found.items() for term in own]
+    terms = [(e, law, value, std) for e, (_, own) in found.items() for law, value, std in own]
     told = tuple(Term(e, str(law), value, std) for e, law, value, std in terms)
     return Answer("missing" if told else "none", told, added(block, [(e, x, v) for e, x, v, _ in terms]))
 
@@ -134,7 +134,7 @@ def _sparse(
 
     nothing, _ = remains([])
     best, chosen = nothing, []
-    tried = {()}
+    tried: set[tuple[int, ...]] = {()}
     for threshold in THRESHOLDS[::-1]:  # few terms first
         fit = optimizer(threshold=threshold, alpha=1e-6, max_iter=30).fit(a, (y / scale)[:, None])
         terms = tuple(keep[j] for j in np.flatnonzero(fit.coef_[0]))
