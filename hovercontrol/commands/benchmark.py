@@ -55,14 +55,14 @@ def benchmark(
 ) -> int:
     """Score tools on logs of machines whose models lack something, or nothing.
 
-    Each tool gets the model, a training log and a held-out log. Its answer is scored by fixed rules: detection,
-    name or form, equation, coefficient, false names, held-out error 0.2 and 1 s ahead.
+    Each tool gets the model, a training log and a held-out log. Its answer is scored by fixed rules:
+    detection, name or form, equation, coefficient, false names, held-out error 0.2 and 1 s ahead.
 
-    Cases and seeds are public. With --blind KEY they follow from a secret: --logs then writes cases with neutral
-    names, and the answers to OUT.answer. Who has the key scores a tool by the same command with --tool.
+    Cases and seeds are public. With --blind KEY they follow from a secret: --logs then writes cases with
+    neutral names, and the answers to OUT.answer. The same key with --tool scores a tool on them.
 
-    Writes result.json, table.csv and table.png. A run that was stopped goes on when it is started again: cases
-    that are done are kept in OUT.cases.
+    Writes result.json, table.csv and table.png. Finished cases are kept in OUT.cases: a run that was
+    stopped continues when it is started again.
     """
     from hovercontrol.missing_physics.cases import benchmark_names, blind_names
     from hovercontrol.missing_physics.files import save_case

@@ -62,18 +62,18 @@ def residuals(block: Block, log: Log, window: int) -> Residuals:
     held = np.clip(np.searchsorted(log.time, t + 1e-9, side="right") - 1, 0, len(log) - 1)
     inputs = {s.name: log[s.name][held] for s in block.inputs}
     x, u = np.array(list(smooth.values())), np.array(list(inputs.values()))
-    values = {p.name: p.start for p in block.parameters}
+    values = block.default_parameters
     f = block.to_numpy().derivatives
     now = f(0.0, x, u, values)
     # the same smoothing on both sides: a step of an input is smeared in the measured derivative
     model = savgol_filter(now, window, 3, axis=1)
-    linear = linear_parameters(block)
+    names = linear_parameters(block)
+    linear = [block.parameter_key(p.name) for p in block.parameters if p.name in names]
     columns = []
-    for name, value in values.items():
-        if name in linear:
-            step = max(abs(value), 1.0)
-            moved = {**values, name: value + step}
-            columns.append(savgol_filter((f(0.0, x, u, moved) - now) / step, window, 3, axis=1))
+    for name in linear:
+        step = max(abs(values[name]), 1.0)
+        moved = {**values, name: values[name] + step}
+        columns.append(savgol_filter((f(0.0, x, u, moved) - now) / step, window, 3, axis=1))
     inside = slice(window, -window)
     left, known = {}, {}
     for i, s in enumerate(block.states):

@@ -78,9 +78,9 @@ def answer(model: AnyModel, train: tuple[Log, ...], holdout: Log) -> Answer:
             score, terms = _sparse(STLSQ, laws, block, fits, held, equation)
             if equation not in found or score < found[equation][0]:
                 found[equation] = (score, terms)
-    terms = [(e, law, value, std) for e, (_, own) in found.items() for law, value, std in own]
-    told = tuple(Term(e, str(law), value, std) for e, law, value, std in terms)
-    return Answer("missing" if told else "none", told, added(block, [(e, x, v) for e, x, v, _ in terms]))
+    every = [(e, law, value, std) for e, (_, own) in found.items() for law, value, std in own]
+    told = tuple(Term(e, str(law), value, std) for e, law, value, std in every)
+    return Answer("missing" if told else "none", told, added(block, [(e, x, v) for e, x, v, _ in every]))
 
 
 def added(block: Block, terms: list[tuple[str, sp.Expr, float]]) -> Block:
