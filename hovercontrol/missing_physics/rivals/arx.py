@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from hovercontrol.logs import Log
 from hovercontrol.missing_physics.answer import Answer
-from hovercontrol.missing_physics.rivals.residuals import Residuals, residuals
-from hovercontrol.missing_physics.rivals.sindy import added
+from hovercontrol.missing_physics.rivals.residuals import Residuals, refitted, residuals, solved
 from hovercontrol.models.interface import AnyModel, as_model
 
 Array = NDArray[np.float64]
@@ -35,25 +34,22 @@ def answer(model: AnyModel, train: tuple[Log, ...], holdout: Log) -> Answer:
     fits, held = [residuals(block, log, WINDOW) for log in train], residuals(block, holdout, WINDOW)
     signals = [s for s in (*block.states, *block.inputs) if s.unit != "m"]
     names = [s.name for s in signals]
-    missing, terms = False, []
+    missing = False
+    terms: list[tuple[str, sp.Expr]] = []
     for equation in fits[0].left:
 
         def errors(lags: int | None, equation: str = equation) -> float:
             A = np.concatenate([_regressors(f, equation, names, lags) for f in fits])
             y = np.concatenate([f.left[equation][LAGS * WINDOW :] for f in fits])
-            c = np.linalg.lstsq(A, y, rcond=None)[0]
+            c = solved(A, y)
             rest = held.left[equation][LAGS * WINDOW :] - _regressors(held, equation, names, lags) @ c
             return float(np.mean(rest**2))
 
         if errors(LAGS) > (1 - WORTH) * errors(None):
             continue
         missing = True
-        A = np.concatenate([_regressors(f, equation, names, 0) for f in fits])
-        y = np.concatenate([f.left[equation][LAGS * WINDOW :] for f in fits])
-        c = np.linalg.lstsq(A, y, rcond=None)[0][-len(names) - 1 :]
-        laws = [sp.S.One, *(s.symbol for s in signals)]
-        terms += [(equation, law, float(v)) for law, v in zip(laws, c, strict=True) if abs(v) > 1e-9]
-    return Answer("missing" if missing else "none", (), added(block, terms))
+        terms += [(equation, law) for law in (sp.S.One, *(s.symbol for s in signals))]
+    return Answer("missing" if missing else "none", (), refitted(block, fits, terms)[0])
 
 
 def _regressors(of: Residuals, equation: str, names: list[str], lags: int | None) -> Array:

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.linalg
+import sympy as sp
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 from scipy.signal import savgol_filter
 
 from hovercontrol.core.block import Block
 from hovercontrol.core.derivatives import linear_parameters
+from hovercontrol.core.signals import Signal
 from hovercontrol.logs import Log
+from hovercontrol.missing_physics.cases import law_unit, with_rates
 
 Array = NDArray[np.float64]
 
@@ -31,11 +37,14 @@ class Residuals:
         By equation: smoothed derivative minus that of the model.
     known : dict of str to ndarray, shape (n, p)
         By equation: derivative of the model by its coefficients, which are refitted beside any new term.
+    coefficients : tuple of str
+        The p coefficients.
     """
 
     signals: dict[str, Array]
     left: dict[str, Array]
     known: dict[str, Array]
+    coefficients: tuple[str, ...]
 
 
 def residuals(block: Block, log: Log, window: int) -> Residuals:
@@ -77,13 +86,13 @@ def residuals(block: Block, log: Log, window: int) -> Residuals:
     inside = slice(window, -window)
     left, known = {}, {}
     for i, s in enumerate(block.states):
-        own = [c[i] for c in columns if np.abs(c[i]).max(initial=0.0) > 1e-12]
-        if not own:  # x' = speed: no law can be missing
+        own = np.array([c[i] for c in columns])
+        if not np.abs(own).max(initial=0.0) > 1e-12:  # x' = speed: no law can be missing
             continue
         left[s.name] = (rate[s.name] - model[i])[inside]
-        known[s.name] = np.array(own).T[inside]
+        known[s.name] = own.T[inside]
     every = {**smooth, **{k: savgol_filter(v, window, 3) for k, v in inputs.items()}}
-    return Residuals({k: v[inside] for k, v in every.items()}, left, known)
+    return Residuals({k: v[inside] for k, v in every.items()}, left, known, tuple(linear))
 
 
 def _without_outliers(z: Array) -> Array:
@@ -95,5 +104,78 @@ def _without_outliers(z: Array) -> Array:
 
 def beside(columns: Array, known: Array) -> Array:
     """Return the part of columns that known columns cannot take, shape as given."""
-    basis, _ = np.linalg.qr(known / np.maximum(np.linalg.norm(known, axis=0), 1e-300))
+    size = np.linalg.norm(known, axis=0)
+    basis = scipy.linalg.orth(known[:, size > 0] / size[size > 0], rcond=1e-8)
     return columns - basis @ (basis.T @ columns)
+
+
+def columns_of(laws: Sequence[sp.Expr], block: Block, of: Residuals) -> Array:
+    """Return the values of expressions, shape (n, laws)."""
+    symbols = [s.symbol for s in (*block.states, *block.inputs)]
+    n = next(iter(of.signals.values())).size
+    values = sp.lambdify(symbols, list(laws), "numpy")(*(of.signals[s.name] for s in symbols))
+    return np.array([np.broadcast_to(np.asarray(v, dtype=float), (n,)) for v in values]).reshape(-1, n).T
+
+
+def solved(columns: Array, y: Array) -> Array:
+    """Return the least-squares coefficients of columns, each scaled to unit length."""
+    size = np.linalg.norm(columns, axis=0)
+    size[size == 0] = 1.0
+    found: Array = np.linalg.lstsq(columns / size, y, rcond=1e-6)[0] / size
+    return found
+
+
+Found = tuple[str, sp.Expr, float, float]
+
+
+def refitted(
+    block: Block, fits: Sequence[Residuals], terms: Sequence[tuple[str, sp.Expr]]
+) -> tuple[Block, list[Found]]:
+    """Return the Block with terms, all coefficients fitted together, and the terms with standard errors.
+
+    Each equation counts by the inverse of what remains of it. Residuals of a smoothed derivative correlate: the
+    number of samples is divided by their correlation time in samples.
+    """
+    coefficients = fits[0].coefficients
+    parts, ys, together = [], [], 1.0
+    for equation in fits[0].left:
+        known = np.concatenate([f.known[equation] for f in fits])
+        y = np.concatenate([f.left[equation] for f in fits])
+        new = np.zeros((y.size, len(terms)))
+        own = [k for k, (e, _) in enumerate(terms) if e == equation]
+        if own:
+            laws = [terms[k][1] for k in own]
+            new[:, own] = np.concatenate([columns_of(laws, block, f) for f in fits])
+        A = np.column_stack([known, new])
+        off = y - A @ solved(A, y)
+        scale = float(off.std()) or 1e-12
+        lags = [float(off[:-k] @ off[k:] / (off @ off)) for k in range(1, min(60, off.size // 2))]
+        together = max(together, 1.0 + 2.0 * sum(itertools.takewhile(lambda r: r > 0.05, lags)))
+        parts.append(A / scale)
+        ys.append(y / scale)
+    A, y = np.concatenate(parts), np.concatenate(ys)
+    c = solved(A, y)
+    size = np.maximum(np.linalg.norm(A, axis=0), 1e-300)
+    B = A / size
+    std = np.sqrt(np.diag(np.linalg.pinv(B.T @ B, rcond=1e-9)) * together) / size
+    p = len(coefficients)
+    now = block.default_parameters
+    moved = {k: now[k] + float(d) for k, d in zip(coefficients, c, strict=False)}
+    rates, parameters, found = dict(block.derivatives), [], []
+    for k, (equation, law) in enumerate(terms):
+        value = float(c[p + k])
+        signal = Signal(f"found_{k}", law_unit(equation, law, block), start=value)
+        parameters.append(signal)
+        rates[equation] = rates[equation] + signal.symbol * _smooth(law)
+        found.append((equation, law, value, float(std[p + k])))
+    bounded = {}
+    for s in block.parameters:
+        key = block.parameter_key(s.name)
+        if key in moved:
+            bounded[s.name] = min(max(moved[key], s.lower), s.upper)
+    return with_rates(block.with_values(bounded), rates, parameters=tuple(parameters)), found
+
+
+def _smooth(law: sp.Expr) -> sp.Expr:
+    """Return a law with the sign function made smooth, for predictions."""
+    return law.replace(sp.sign, lambda a: sp.tanh(a / 1e-2)) if law.has(sp.sign) else law
