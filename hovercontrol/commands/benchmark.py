@@ -64,14 +64,12 @@ def benchmark(
     Writes result.json, table.csv and table.png. Finished cases are kept in OUT.cases: a run that was
     stopped continues when it is started again.
     """
-    from hovercontrol.missing_physics.cases import benchmark_names, blind_names
+    from hovercontrol.missing_physics.cases import benchmark_names, blind_names, lacks
     from hovercontrol.missing_physics.files import save_case
 
     cases = blind_names(blind, edition) if blind else {name: name for name in benchmark_names(edition)}
     cases = dict(list(cases.items())[:first])
     if list_cases:
-        from hovercontrol.missing_physics.run import lacks
-
         given.show_list({name: "blind" if blind else f"lacks {lacks(name)}" for name in cases}, json)
         return 0
     out = out or Path("out") / "benchmark"

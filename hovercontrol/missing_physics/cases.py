@@ -237,6 +237,14 @@ def parsed(name: str) -> tuple[str, str, str, int]:
     return machine, what, condition, int(seed)
 
 
+def lacks(name: str) -> str:
+    """Return ``effect``, ``law`` or ``nothing``: what kind of thing a case lacks."""
+    machine, what, *_ = parsed(name)
+    if what == NOTHING:
+        return NOTHING
+    return "effect" if what in MACHINES[machine].effects else "law"
+
+
 def _drawn(model: Model | BlockModel, part: float, rng: Random) -> Model | BlockModel:
     """Return the model with each coefficient, but for widths of friction, changed by up to `part`."""
     return model.with_coefficients({

@@ -6,7 +6,7 @@ import hashlib
 import json
 import time
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
 from pathlib import Path
@@ -17,8 +17,7 @@ import numpy as np
 from hovercontrol.analysis.proportions import clopper_pearson
 from hovercontrol.errors import InputError
 from hovercontrol.io.files import write_atomically
-from hovercontrol.missing_physics.cases import NOTHING, benchmark_case, law_name, parsed
-from hovercontrol.missing_physics.machines import MACHINES
+from hovercontrol.missing_physics.cases import benchmark_case, lacks
 from hovercontrol.missing_physics.scoring import score_answer
 from hovercontrol.missing_physics.tools import tool_of
 
@@ -109,8 +108,8 @@ def _file(kept: Path, name: str, tool: str) -> Path:
 FIGURES: dict[str, tuple[str, Callable[[Row], bool], Callable[[Row], bool]]] = {
     "missing, detected": ("share", lambda r: r["missing"], lambda r: r["detected"]),
     "nothing missing, said so": ("share", lambda r: not r["missing"], lambda r: r["detected"]),
-    "effect named": ("share", lambda r: r["missing"] and not _is_law(r), lambda r: r["form"]),
-    "law named": ("share", lambda r: r["missing"] and _is_law(r), lambda r: r["form"]),
+    "effect named": ("share", lambda r: r["missing"] and lacks(r["case"]) == "effect", lambda r: r["form"]),
+    "law named": ("share", lambda r: r["missing"] and lacks(r["case"]) == "law", lambda r: r["form"]),
     "right among readings": ("share", lambda r: r["missing"], lambda r: r["reading"]),
     "equation right": ("share", lambda r: r["missing"], lambda r: r["equation"]),
     "coefficient within two errors": ("share", lambda r: r["coefficient"] is not None,
@@ -118,11 +117,6 @@ FIGURES: dict[str, tuple[str, Callable[[Row], bool], Callable[[Row], bool]]] = {
     "false name, something missing": ("share", lambda r: r["missing"], lambda r: r["false_names"] > 0),
     "false name, nothing missing": ("share", lambda r: not r["missing"], lambda r: r["false_names"] > 0),
 }  # fmt: skip
-
-
-def _is_law(row: Mapping[str, Any]) -> bool:
-    machine, what, *_ = parsed(row["case"])
-    return what in [law_name(*law) for law in MACHINES[machine].laws]
 
 
 def table(rows: Sequence[Row]) -> list[Row]:
@@ -153,9 +147,3 @@ def table(rows: Sequence[Row]) -> list[Row]:
         found.append({"tool": tool, "figure": "seconds a case, median", "cases": len(own), "met": None,
                       "value": seconds, "low": None, "high": None})  # fmt: skip
     return found
-
-
-def lacks(name: str) -> str:
-    """Return ``effect``, ``law`` or ``nothing``: what kind of thing a case lacks."""
-    what = parsed(name)[1]
-    return NOTHING if what == NOTHING else "law" if _is_law({"case": name}) else "effect"

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from hovercontrol.logs import Log
 from hovercontrol.missing_physics.answer import Answer
-from hovercontrol.missing_physics.rivals.residuals import Residuals, refitted, residuals, solved
+from hovercontrol.missing_physics.rivals.residuals import Residuals, columns_of, refitted, residuals, solved
 from hovercontrol.models.interface import AnyModel, as_model
 
 Array = NDArray[np.float64]
@@ -33,36 +33,35 @@ def answer(model: AnyModel, train: tuple[Log, ...], holdout: Log) -> Answer:
     block = as_model(model).plant()
     fits, held = [residuals(block, log, WINDOW) for log in train], residuals(block, holdout, WINDOW)
     signals = [s for s in (*block.states, *block.inputs) if s.unit != "m"]
-    names = [s.name for s in signals]
+    symbols = [s.symbol for s in signals]
+
+    def past(of: Residuals) -> Array:
+        return columns_of(symbols, block, of)
+
     missing = False
     terms: list[tuple[str, sp.Expr]] = []
     for equation in fits[0].left:
 
         def errors(lags: int | None, equation: str = equation) -> float:
-            A = np.concatenate([_regressors(f, equation, names, lags) for f in fits])
+            A = np.concatenate([_regressors(f, equation, past(f), lags) for f in fits])
             y = np.concatenate([f.left[equation][LAGS * WINDOW :] for f in fits])
             c = solved(A, y)
-            rest = held.left[equation][LAGS * WINDOW :] - _regressors(held, equation, names, lags) @ c
+            rest = held.left[equation][LAGS * WINDOW :] - _regressors(held, equation, past(held), lags) @ c
             return float(np.mean(rest**2))
 
         if errors(LAGS) > (1 - WORTH) * errors(None):
             continue
         missing = True
-        terms += [(equation, law) for law in (sp.S.One, *(s.symbol for s in signals))]
+        terms += [(equation, law) for law in (sp.S.One, *symbols)]
     return Answer("missing" if missing else "none", (), refitted(block, fits, terms)[0])
 
 
-def _regressors(of: Residuals, equation: str, names: list[str], lags: int | None) -> Array:
+def _regressors(of: Residuals, equation: str, signals: Array, lags: int | None) -> Array:
     """Return the model's own columns, and, with `lags`, one and the signals at 0 to `lags` windows ago."""
     first = LAGS * WINDOW
     known = of.known[equation][first:]
     if lags is None:
         return known
     n = known.shape[0]
-    past = [
-        of.signals[name][first - k * WINDOW : first - k * WINDOW + n]
-        for k in range(lags, -1, -1)
-        for name in names
-    ]
-    columns = [*past[: -len(names)], np.ones(n), *past[-len(names) :]]
-    return np.column_stack([known, *columns])
+    past = [signals[first - k * WINDOW : first - k * WINDOW + n] for k in range(lags + 1)]
+    return np.column_stack([known, np.ones(n), *past])

@@ -31,8 +31,10 @@ class Residuals:
 
     Attributes
     ----------
-    signals : dict of str to ndarray, shape (n,)
-        Smoothed states, and inputs.
+    signals : dict of str to ndarray, shape (n + 2 window,)
+        States as measured, without outliers, and inputs.
+    window : int
+        Of the smoothing [samples]; so many samples at both ends are left out of all columns.
     left : dict of str to ndarray, shape (n,)
         By equation: smoothed derivative minus that of the model.
     known : dict of str to ndarray, shape (n, p)
@@ -42,6 +44,7 @@ class Residuals:
     """
 
     signals: dict[str, Array]
+    window: int
     left: dict[str, Array]
     known: dict[str, Array]
     coefficients: tuple[str, ...]
@@ -63,18 +66,18 @@ def residuals(block: Block, log: Log, window: int) -> Residuals:
     """
     dt = float(np.median(np.diff(log.time)))
     t = np.arange(log.time[0], log.time[-1], dt)
-    smooth, rate = {}, {}
+    measured, rate = {}, {}
     for s in block.states:
         z = np.interp(t, log.time, _without_outliers(log[s.name]))
-        smooth[s.name] = savgol_filter(z, window, 3)
+        measured[s.name] = z
         rate[s.name] = savgol_filter(z, window, 3, deriv=1, delta=dt)
     held = np.clip(np.searchsorted(log.time, t + 1e-9, side="right") - 1, 0, len(log) - 1)
     inputs = {s.name: log[s.name][held] for s in block.inputs}
-    x, u = np.array(list(smooth.values())), np.array(list(inputs.values()))
+    x, u = np.array(list(measured.values())), np.array(list(inputs.values()))
     values = block.default_parameters
     f = block.to_numpy().derivatives
     now = f(0.0, x, u, values)
-    # the same smoothing on both sides: a step of an input is smeared in the measured derivative
+    # The measured derivative is S z', S the smoothing; the model's must be S f(z, u), the same filter once
     model = savgol_filter(now, window, 3, axis=1)
     names = linear_parameters(block)
     linear = [block.parameter_key(p.name) for p in block.parameters if p.name in names]
@@ -91,8 +94,7 @@ def residuals(block: Block, log: Log, window: int) -> Residuals:
             continue
         left[s.name] = (rate[s.name] - model[i])[inside]
         known[s.name] = own.T[inside]
-    every = {**smooth, **{k: savgol_filter(v, window, 3) for k, v in inputs.items()}}
-    return Residuals({k: v[inside] for k, v in every.items()}, left, known, tuple(linear))
+    return Residuals({**measured, **inputs}, window, left, known, tuple(linear))
 
 
 def _without_outliers(z: Array) -> Array:
@@ -110,11 +112,13 @@ def beside(columns: Array, known: Array) -> Array:
 
 
 def columns_of(laws: Sequence[sp.Expr], block: Block, of: Residuals) -> Array:
-    """Return the values of expressions, shape (n, laws)."""
+    """Return the smoothed values of expressions, shape (n, laws)."""
     symbols = [s.symbol for s in (*block.states, *block.inputs)]
     n = next(iter(of.signals.values())).size
     values = sp.lambdify(symbols, list(laws), "numpy")(*(of.signals[s.name] for s in symbols))
-    return np.array([np.broadcast_to(np.asarray(v, dtype=float), (n,)) for v in values]).reshape(-1, n).T
+    rows = np.array([np.broadcast_to(np.asarray(v, dtype=float), (n,)) for v in values]).reshape(-1, n)
+    smooth: Array = savgol_filter(rows, of.window, 3, axis=1)
+    return smooth[:, of.window : -of.window].T
 
 
 def solved(columns: Array, y: Array) -> Array:
@@ -133,8 +137,8 @@ def refitted(
 ) -> tuple[Block, list[Found]]:
     """Return the Block with terms, all coefficients fitted together, and the terms with standard errors.
 
-    Each equation counts by the inverse of what remains of it. Residuals of a smoothed derivative correlate: the
-    number of samples is divided by their correlation time in samples.
+    Each equation counts by the inverse of what remains of it. Residuals of a smoothed derivative correlate:
+    the number of samples is divided by their correlation time in samples.
     """
     coefficients = fits[0].coefficients
     parts, ys, together = [], [], 1.0

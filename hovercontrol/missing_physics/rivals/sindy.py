@@ -1,9 +1,9 @@
 """PySINDy on residuals: sparse regression of what the model leaves on a library of laws.
 
 Brunton, Proctor, Kutz, PNAS 113 (2016); Kaptanoglu et al., JOSS 7 (2022) 3994. The model's coefficients are
-refitted beside the library. Two of its optimizers propose sets of terms: thresholded least squares (STLSQ) at 16
-thresholds and greedy orthogonal least squares (FROLS) with 1 to 4 terms. Set and window of smoothing are chosen
-by the held-out log; fewer terms where more gain little.
+refitted beside the library. Two of its optimizers propose sets of terms: thresholded least squares (STLSQ) at
+16 thresholds and greedy orthogonal least squares (FROLS) with 1 to 4 terms. Set and window of smoothing are
+chosen by the held-out log; fewer terms where more gain little.
 """
 
 from __future__ import annotations
