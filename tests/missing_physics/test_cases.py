@@ -42,7 +42,7 @@ LAWS = {
 
 @pytest.mark.parametrize("name", LAWS)
 def test_the_true_motion_is_that_of_the_equations_by_hand(name):
-    """True coefficients are up to 3 % from the given ones: they are fitted to the motion, then it is exact."""
+    """True coefficients are near the given ones: fitted to the motion, they give it exactly."""
     from scipy.optimize import least_squares
 
     case = benchmark_case(name)

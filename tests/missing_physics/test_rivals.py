@@ -40,7 +40,7 @@ def test_arx_sees_that_something_is_missing_and_predicts_it(cart):
 
 def test_neither_finds_anything_in_what_the_model_has(cart):
     pytest.importorskip("pysindy")
-    model, train, holdout = cart
+    _, train, holdout = cart
     v, u, k = hc.Signal("v", "m/s"), hc.Signal("u", "1"), hc.Signal("k", "m/s^2", start=1.0)
     d = hc.Signal("d", "1/s", start=1.2)
     whole = hc.BlockModel(

@@ -72,7 +72,9 @@ def residuals(block: Block, log: Log, window: int) -> Residuals:
         measured[s.name] = z
         rate[s.name] = savgol_filter(z, window, 3, deriv=1, delta=dt)
     held = np.clip(np.searchsorted(log.time, t + 1e-9, side="right") - 1, 0, len(log) - 1)
-    inputs = {s.name: log[s.name][held] for s in block.inputs}
+    # An input holds from its row to the next: about a row, half the time it has the value before
+    earlier = np.maximum(held - 1, 0)
+    inputs = {s.name: 0.5 * (log[s.name][held] + log[s.name][earlier]) for s in block.inputs}
     x, u = np.array(list(measured.values())), np.array(list(inputs.values()))
     values = block.default_parameters
     f = block.to_numpy().derivatives
