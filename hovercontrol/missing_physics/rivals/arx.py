@@ -17,7 +17,7 @@ WINDOW = 15
 #: Past samples of states and inputs that act on the residual now, each one window apart.
 LAGS = 3
 #: Something is missing if the held-out mean square falls by this share.
-WORTH = 0.05
+WORTH = 0.1
 
 
 def answer(model: AnyModel, train: tuple[Log, ...], holdout: Log) -> Answer:

@@ -131,7 +131,8 @@ def _sparse(
 
     sets = {tuple(keep[j] for j in np.flatnonzero(o.fit(a, target).coef_[0])) for o in optimizers if keep}
     nothing = remains(())
-    best, chosen = nothing, ()
+    best = nothing
+    chosen: tuple[int, ...] = ()
     for terms in sorted(sets, key=lambda s: (len(s), s)):  # few terms first
         if 0 < len(terms) <= MOST_TERMS:
             left = remains(terms)
