@@ -15,6 +15,7 @@ from scipy.signal import savgol_filter
 
 from hovercontrol.core.block import Block
 from hovercontrol.core.derivatives import linear_parameters
+from hovercontrol.core.sgn import sgn
 from hovercontrol.core.signals import Signal
 from hovercontrol.logs import Log
 from hovercontrol.missing_physics.cases import law_unit, with_rates
@@ -172,16 +173,16 @@ def refitted(
         value = float(c[p + k])
         signal = Signal(f"found_{k}", law_unit(equation, law, block), start=value)
         parameters.append(signal)
-        rates[equation] = rates[equation] + signal.symbol * _smooth(law)
         found.append((equation, law, value, float(std[p + k])))
+        for of in law.atoms(sp.sign):  # dry friction, of a width with the unit of its signal
+            state = block.signal(of.args[0].name)
+            width = Signal(f"found_{k}_width", state.unit, start=1e-2 * state.nominal)
+            parameters.append(width)
+            law = law.xreplace({of: sgn(state.symbol, width.symbol)})
+        rates[equation] = rates[equation] + signal.symbol * law
     bounded = {}
     for s in block.parameters:
         key = block.parameter_key(s.name)
         if key in moved:
             bounded[s.name] = min(max(moved[key], s.lower), s.upper)
     return with_rates(block.with_values(bounded), rates, parameters=tuple(parameters)), found
-
-
-def _smooth(law: sp.Expr) -> sp.Expr:
-    """Return a law with the sign function made smooth, for predictions."""
-    return law.replace(sp.sign, lambda a: sp.tanh(a / 1e-2)) if law.has(sp.sign) else law
