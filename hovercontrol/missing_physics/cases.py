@@ -297,7 +297,11 @@ def law_unit(equation: str, term: sp.Expr, block: Block) -> str:
     """Return the unit of the coefficient of a product of powers, absolute values and sines in an equation."""
     unit = f"({per_second(block.signal(equation).unit)})"
     for factor, power in term.as_powers_dict().items():
-        signal = next(iter(factor.free_symbols), None) if not isinstance(factor, sp.sin | sp.cos) else None
+        signal = (
+            next(iter(factor.free_symbols), None)
+            if not isinstance(factor, sp.sin | sp.cos | sp.sign)
+            else None
+        )
         if signal is not None and block.signal(signal.name).unit != "1":
             unit += f"/({block.signal(signal.name).unit})^{power}"
     return unit
