@@ -66,6 +66,12 @@ class Row:
     seconds: float
     outcome: str
 
+    def line(self) -> str:
+        """Return it in one line."""
+        named = f"{self.named or '-'}{f' (or {self.rivals})' if self.rivals else ''}"
+        size = f"{self.value:8.3g} {self.estimate:8.3g} ± {self.std:.2g}"
+        return f"{self.case:32} {self.seed:2} {self.verdict:11} {named:60} {size} {self.seconds:6.1f} s  {self.outcome}"
+
 
 def ship() -> hc.BlockModel:
     """A ship that turns: sway and yaw by linear coefficients (Nomoto's two equations, with sway)."""
@@ -76,7 +82,14 @@ def ship() -> hc.BlockModel:
         S("r", "rad/s", nominal=0.1),
         S("rudder", "rad"),
     )
-    numbers = (("yv", "1/s", 0.05), ("yr", "m/s", 0.3), ("yd", "m/s^2", 0.01), ("nv", "1/m/s", 0.04), ("nr", "1/s", 0.3), ("nd", "1/s^2", 0.03))  # fmt: skip
+    numbers = (
+        ("yv", "1/s", 0.05),
+        ("yr", "m/s", 0.3),
+        ("yd", "m/s^2", 0.01),
+        ("nv", "1/m/s", 0.04),
+        ("nr", "1/s", 0.3),
+        ("nd", "1/s^2", 0.03),
+    )
     p = {n: S(n, unit, start=start) for n, unit, start in numbers}
     k = {n: s.symbol for n, s in p.items()}
     return hc.BlockModel(
@@ -206,7 +219,7 @@ def main(show: Callable[[str], None] = print) -> None:
     rows = []
     for row in results(range(given_.first, given_.first + given_.seeds), given_.jobs, given_.only):
         rows.append(row)
-        show(f"{row.case:32} {row.seed:2} {row.verdict:11} {row.named or '-':40} {row.rivals:30} {row.value:8.3g} {row.estimate:8.3g} ± {row.std:.2g} {row.seconds:6.1f} s  {row.outcome}")  # fmt: skip
+        show(row.line())
     if given_.out:
         with given_.out.open("w", newline="") as file:
             writer = csv.DictWriter(file, list(asdict(rows[0])))
@@ -216,19 +229,25 @@ def main(show: Callable[[str], None] = print) -> None:
 
 
 def summary(rows: list[Row], show: Callable[[str], None]) -> None:
-    """Print shares with their 95 % intervals."""
-    from scipy.stats import binomtest
-
-    def share(what: str, count: int, of: int) -> None:
-        low, high = binomtest(count, of).proportion_ci(method="exact") if of else (0.0, 1.0)
-        show(f"{what:60} {count:3} of {of:3}  ({100 * low:.0f} to {100 * high:.0f} %)")
-
-    n = len(rows)
-    share("right form named (alone)", sum(r.outcome == "right" for r in rows), n)
-    share("right form named, or one of several that are told", sum(r.outcome.startswith(("right", "told")) for r in rows), n)  # fmt: skip
-    share("a false form named without a rival", sum(r.outcome == "false" for r in rows), n)
+    """Print shares with their 95 % intervals (Clopper and Pearson)."""
     known = [r for r in rows if np.isfinite(r.std)]
-    share("coefficient within two errors, of those named", sum(abs(r.estimate - r.value) <= 2 * r.std for r in known), len(known))  # fmt: skip
+    counts = (
+        ("right form named, alone", [r.outcome == "right" for r in rows]),
+        (
+            "right form named, or among several that are told",
+            [r.outcome[:5] in ("right", "told ") for r in rows],
+        ),
+        ("a false form named without a rival", [r.outcome == "false" for r in rows]),
+        (
+            "coefficient within two errors, of those named",
+            [abs(r.estimate - r.value) <= 2 * r.std for r in known],
+        ),
+    )
+    for what, hits in counts:
+        low, high = hc.analysis.clopper_pearson(sum(hits), len(hits)) if hits else (0.0, 1.0)
+        show(
+            f"{what:50} {sum(hits):3} of {len(hits):3}  ({100 * float(low):.0f} to {100 * float(high):.0f} %)"
+        )
 
 
 if __name__ == "__main__":

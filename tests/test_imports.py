@@ -21,7 +21,7 @@ LAYERS = (
     {"estimation"},
     {"autopilot", "scenarios"},
     {"discrepancy", "identify", "monitor", "analysis", "fmi", "samples", "animation"},
-    {"log_check", "schema"},
+    {"log_check", "schema", "missing_physics"},
     {"cockpit", "commands", "documents"},
     {"cli"},
 )

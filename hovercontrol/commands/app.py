@@ -9,6 +9,7 @@ import typer
 
 from hovercontrol.commands import (
     analyze,
+    benchmark,
     check,
     cockpit,
     diagnose,
@@ -57,6 +58,7 @@ for command, example in (
     (export.export, export.EXAMPLE),
     (analyze.analyze, analyze.EXAMPLE),
     (sweep.sweep, sweep.EXAMPLE),
+    (benchmark.benchmark, benchmark.EXAMPLE),
     (cockpit.cockpit, cockpit.EXAMPLE),
     (schema.schema, schema.EXAMPLE),
 ):
