@@ -25,11 +25,12 @@ if TYPE_CHECKING:
     from hovercontrol.core.functions import NumpyFunctions
     from hovercontrol.simulation.runner import BlockRunner
     from hovercontrol.targets.compiled import CompiledBlock
+    from hovercontrol.targets.jax import JaxFunctions
     from hovercontrol.targets.trim import Trim
 
 
 #: The method of each backend of this package, by the name for ``block.to``.
-_OWN = {"numpy": "to_numpy", "control": "to_control", "compiled": "compile", "fmu": "to_fmu"}
+_OWN = {"numpy": "to_numpy", "control": "to_control", "compiled": "compile", "fmu": "to_fmu", "jax": "to_jax"}
 
 
 @partial(checked, name="Block")
@@ -59,9 +60,9 @@ class Backends:
     def to(self, backend: str, **options: Any) -> Any:
         """Return the Block in the form of a backend, by the backend's name.
 
-        Backends of this package are ``numpy``, ``control``, ``compiled`` and ``fmu``: the methods
-        :meth:`to_numpy`, :meth:`to_control`, :meth:`compile` and :meth:`to_fmu`. Another package adds a
-        backend by an entry point of the group ``hovercontrol.backends``
+        Backends of this package are ``numpy``, ``control``, ``compiled``, ``fmu`` and ``jax``: the
+        methods :meth:`to_numpy`, :meth:`to_control`, :meth:`compile`, :meth:`to_fmu` and :meth:`to_jax`.
+        Another package adds a backend by an entry point of the group ``hovercontrol.backends``
         (:mod:`hovercontrol.core.backends`): a function of the Block and the options.
 
         Parameters
@@ -269,6 +270,26 @@ class Backends:
             atol=atol,
             progress=progress,
         )
+
+    def to_jax(self) -> JaxFunctions:
+        """Return the Block as pure JAX functions, for gradients of runs, ``vmap`` and GPUs.
+
+        Needs ``pip install "hovercontrol[jax]"``. JAX is set to double precision for the whole process.
+
+        Returns
+        -------
+        JaxFunctions
+            With ``derivatives``, ``outputs``, ``run_function``, ``simulate`` and ``sweep``
+            (:class:`hovercontrol.targets.jax.JaxFunctions`).
+
+        Raises
+        ------
+        InputError
+            If JAX is not installed.
+        """
+        from hovercontrol.targets.jax import to_jax
+
+        return to_jax(self._block)
 
     def trim(
         self,
