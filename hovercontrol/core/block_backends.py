@@ -30,7 +30,14 @@ if TYPE_CHECKING:
 
 
 #: The method of each backend of this package, by the name for ``block.to``.
-_OWN = {"numpy": "to_numpy", "control": "to_control", "compiled": "compile", "fmu": "to_fmu", "jax": "to_jax"}
+_OWN = {
+    "numpy": "to_numpy",
+    "control": "to_control",
+    "compiled": "compile",
+    "fmu": "to_fmu",
+    "jax": "to_jax",
+    "gym": "gym",
+}
 
 
 @partial(checked, name="Block")
@@ -60,8 +67,9 @@ class Backends:
     def to(self, backend: str, **options: Any) -> Any:
         """Return the Block in the form of a backend, by the backend's name.
 
-        Backends of this package are ``numpy``, ``control``, ``compiled``, ``fmu`` and ``jax``: the
-        methods :meth:`to_numpy`, :meth:`to_control`, :meth:`compile`, :meth:`to_fmu` and :meth:`to_jax`.
+        Backends of this package are ``numpy``, ``control``, ``compiled``, ``fmu``, ``jax`` and ``gym``:
+        the methods :meth:`to_numpy`, :meth:`to_control`, :meth:`compile`, :meth:`to_fmu`, :meth:`to_jax` and
+        :meth:`gym`.
         Another package adds a backend by an entry point of the group ``hovercontrol.backends``
         (:mod:`hovercontrol.core.backends`): a function of the Block and the options.
 
@@ -290,6 +298,24 @@ class Backends:
         from hovercontrol.targets.jax import to_jax
 
         return to_jax(self._block)
+
+    def gym(self, step: float, **options: Any) -> Any:
+        """Return the Block as a Gymnasium environment, or many as a vector environment.
+
+        Arguments, result and errors are those of :func:`hovercontrol.targets.gym.to_gym`. Needs
+        ``pip install "hovercontrol[rl]"``.
+
+        Parameters
+        ----------
+        step : float
+            Time for which a step holds the actions [s].
+        **options
+            ``reward``, ``terminated``, ``duration``, ``actions``, ``observations``, ``bounds``, ``start``,
+            ``params``, ``num_envs``, ... as for that function.
+        """
+        from hovercontrol.targets.gym import to_gym
+
+        return to_gym(self._block, step, **options)
 
     def trim(
         self,

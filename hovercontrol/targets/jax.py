@@ -1,7 +1,7 @@
-"""A Block as JAX functions: pure functions for ``jax.jit``, ``jax.grad`` and ``jax.vmap``, runs and sweeps.
+"""A Block as JAX functions: pure functions for ``jax.jit``, ``jax.grad`` and ``jax.vmap``, and runs.
 
-The functions are printed from the same expressions as those of NumPy, common subexpressions computed once. All
-numbers are double precision; dry friction is smoothed over its width.
+The functions are printed from the same expressions as those of NumPy, common subexpressions computed once.
+All numbers are double precision; dry friction is smoothed over its width.
 """
 
 from __future__ import annotations
@@ -210,8 +210,8 @@ class JaxFunctions:
         -------
         callable
             ``run(params=None, x0=None)`` with mappings by parameter key and by state name, of numbers or JAX
-            arrays of one shape. It returns a dict of outputs and states by name, each of shape (n, ...). A run
-            that fails is not a number from there on.
+            arrays of one shape. It returns a dict of outputs and states by name, each of shape (n, ...). The
+            values of a run that fails are NaN from there on.
 
         Raises
         ------

@@ -1,7 +1,7 @@
 """Runs of a Block in JAX: one scan over the rows of a time grid, within it one over steps and ticks.
 
-States, inputs and parameters are tuples of arrays, one for each signal, so that many runs go side by side in the
-arrays' axes and XLA fuses a step's equations into few loops.
+States, inputs and parameters are tuples of arrays, one for each signal, so that many runs go side by side in
+the arrays' axes and XLA fuses a step's equations into few loops.
 """
 
 from __future__ import annotations
@@ -49,10 +49,10 @@ class Plan(NamedTuple):
         Ticks executed before the step.
     """
 
-    t: Array
-    h: Array
-    u: Array
-    due: NDArray[np.bool_]
+    t: Any
+    h: Any
+    u: Any
+    due: Any
 
 
 def plan_of(block: Block, times: Array, late: Arrivals, values: Array, solver: Solver) -> Plan:

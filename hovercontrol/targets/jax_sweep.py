@@ -20,7 +20,7 @@ from hovercontrol.targets.sweep_run import Sweep, sweep_of
 
 Array = NDArray[np.float64]
 
-#: Runs of a chunk on a CPU: the states, stages and intermediate values of a step stay in the second-level cache.
+#: Runs of a chunk on a CPU: the values of a step stay in the cache.
 CPU_CHUNK = 256
 #: Memory for the rows of a chunk on a GPU [bytes].
 GPU_MEMORY = 8e9
@@ -54,7 +54,7 @@ def sweep(
         raise InputError(f"chunk must be 1 or more, found {chunk}")
     given = sweep_of(block, times, params, x0, inputs, start, band)
     go = functions.cached(("sweep", solver), lambda: jax.jit(_chunk_of(functions, solver), static_argnums=4))
-    results = given.results
+    results: tuple[NDArray[Any], ...] = given.results
     size = min(chunk or _chunk(len(times) * len(block.outputs)), len(given.x))
     parts: list[tuple[NDArray[np.intp], Plan]] = []
     for which, late in arrivals_of_runs(block, times, given.u, given.p):
