@@ -25,8 +25,7 @@ from hovercontrol.errors import InputError, did_you_mean
 
 Array = NDArray[np.float64]
 Bounds = Mapping[str, tuple[float, float]]
-Reward = sp.Expr | float | Callable[[Array, Array], Any]
-Ending = Boolean | Callable[[Array, Array], Any]
+Judge = Callable[[Array, Array], Any]
 
 #: Names of the outputs that an expression for the reward or the end of an episode becomes.
 REWARD, ENDED = "gym_reward", "gym_ended"
@@ -47,6 +46,8 @@ class Task:
         Index of each action among the inputs.
     draws : tuple of (str, bool, float, float)
         What a reset draws: a name, whether it is a state, and its limits.
+    reward, terminated : callable or None
+        None where an output computes them.
     seeds : tuple of str
         Keys of the parameters that seed random numbers, drawn at each reset.
     """
@@ -56,8 +57,8 @@ class Task:
     observations: tuple[Signal, ...]
     step: float
     limit: int
-    reward: Reward
-    terminated: Ending | None
+    reward: Judge | None
+    terminated: Judge | None
     places: tuple[int, ...]
     draws: tuple[tuple[str, bool, float, float], ...]
     seeds: tuple[str, ...]
@@ -73,7 +74,7 @@ class Task:
         ends = [self.bounds.get(s.name, (s.lower, s.upper)) for s in signals]
         low, high = np.array(ends, dtype=float).reshape(-1, 2).T
         shape = (count, 1) if count else (1,)
-        return Box(*(np.tile(a, shape) for a in (low, high)), dtype=np.float64)
+        return Box(np.tile(low, shape), np.tile(high, shape), dtype=np.float64)
 
     def drawn(
         self, random: np.random.Generator, options: Mapping[str, Any] | None
@@ -94,8 +95,8 @@ def to_gym(
     block: Block,
     step: float,
     *,
-    reward: Reward,
-    terminated: Ending | None = None,
+    reward: sp.Expr | float | Judge,
+    terminated: Boolean | Judge | None = None,
     duration: float = math.inf,
     actions: Sequence[str] | None = None,
     observations: Sequence[str] | None = None,
@@ -186,8 +187,8 @@ def to_gym(
         seen,
         step,
         0 if duration == math.inf else max(1, math.ceil(duration / step - 1e-9)),
-        reward,
-        terminated,
+        _judge(reward),
+        _judge(terminated),
         tuple(block.inputs.index(s) for s in acting),
         _draws(block, start or {}),
         tuple(
@@ -206,6 +207,11 @@ def to_gym(
         return _joined(SingleSteps, gymnasium.Env)(task)
     lanes = not (block.ticks or block.delays)
     return _joined(LaneSteps if lanes else RunnerSteps, gymnasium.vector.VectorEnv)(task, num_envs, substep)
+
+
+def _judge(given: Any) -> Judge | None:
+    """Return a function that judges a step, None for an expression: SymPy's symbols can be called, too."""
+    return given if callable(given) and not isinstance(given, sp.Basic) else None
 
 
 def _joined(steps: type, base: type) -> type:
@@ -228,7 +234,7 @@ def _chosen(
     return found
 
 
-def _observed(block: Block, seen: Sequence[Signal], reward: Reward, terminated: Ending | None) -> Block:
+def _observed(block: Block, seen: Sequence[Signal], reward: Any, terminated: Any) -> Block:
     """Return the Block with the observations as its outputs, then the reward and the end."""
     known = {s.symbol for s in (*block.states, *block.inputs, *block.parameters)}
     known |= {time, *(sp.Symbol(name, real=True) for name in block.definitions)}
@@ -236,7 +242,7 @@ def _observed(block: Block, seen: Sequence[Signal], reward: Reward, terminated: 
     told = {s.name: block.output_expressions[s.name] for s in seen}
     outputs = list(seen)
     for name, given in ((REWARD, reward), (ENDED, terminated)):
-        if given is None or (callable(given) and not isinstance(given, sp.Basic)):
+        if given is None or _judge(given) is not None:
             continue
         e = sp.sympify(given)
         e = sp.Piecewise((1.0, e), (0.0, True)) if name == ENDED else e

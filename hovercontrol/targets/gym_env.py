@@ -10,7 +10,7 @@ import numpy as np
 
 from hovercontrol.errors import InputError
 from hovercontrol.simulation.reasons import StoppedError
-from hovercontrol.targets.gym import ENDED, REWARD, Array, Task
+from hovercontrol.targets.gym import ENDED, Array, Task
 
 
 class SingleSteps:
@@ -28,9 +28,8 @@ class SingleSteps:
         self.task, self._compiled = task, task.block.compile()
         self.observation_space, self.action_space = task.box(task.observations), task.box(task.actions)
         names = [s.name for s in task.block.outputs]
-        self._n = len(task.observations)
-        self._reward = names.index(REWARD) if REWARD in names else None
-        self._ended = names.index(ENDED) if ENDED in names else None
+        self._n, self._given, self._ending = len(task.observations), task.reward, task.terminated
+        self._ended = names.index(ENDED) if ENDED in names else 0  # the first outputs are observations
         self._limit = task.limit or math.inf
         self._all = task.places == tuple(range(len(task.block.inputs)))
         self._steps = -1
@@ -90,12 +89,12 @@ class SingleSteps:
         except StoppedError as stopped:
             return self._last.copy(), 0.0, True, False, {"stopped": str(stopped)}
         seen = self._last = y[: self._n]
-        task = self.task
-        reward = y.item(self._reward) if self._reward is not None else float(task.reward(seen, action))  # type: ignore[operator]
-        if self._ended is not None:
+        given, ending, ended = self._given, self._ending, False
+        reward = float(given(seen, action)) if given else y.item(self._n)
+        if ending:
+            ended = bool(ending(seen, action))
+        elif self._ended:
             ended = y.item(self._ended) > 0.0
-        else:
-            ended = task.terminated is not None and bool(task.terminated(seen, action))  # type: ignore[operator]
         return seen.copy(), reward, ended, self._steps >= self._limit, {}
 
 

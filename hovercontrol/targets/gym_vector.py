@@ -21,7 +21,7 @@ from hovercontrol.targets.engines import checked_solver, engine_of
 from hovercontrol.targets.gym import ENDED, REWARD, Array, Task
 
 #: Parameter of a Block for many environments: when the episode of each began [s].
-BEGIN = "gym_begin"
+BEGIN = "gym.episode.begin"
 
 
 class ManySteps:
@@ -107,11 +107,12 @@ class ManySteps:
         if REWARD in self._names:
             rewards = self._y[:, self._names.index(REWARD)].copy()
         else:
-            rewards = np.array(task.reward(seen, given), dtype=float)  # type: ignore[operator]
+            assert task.reward
+            rewards = np.array(task.reward(seen, given), dtype=float)
         if ENDED in self._names:
             ended = self._y[:, self._names.index(ENDED)] > 0.0
         elif task.terminated is not None:
-            ended = np.array(task.terminated(seen, given), dtype=bool)  # type: ignore[operator]
+            ended = np.array(task.terminated(seen, given), dtype=bool)
         else:
             ended = np.zeros(self.num_envs, dtype=bool)
         info: dict[str, Any] = {}
@@ -215,9 +216,13 @@ def _with_parameters(task: Task) -> Block:
     """Return the Block with the actions and the begin of the episode as parameters: they differ by run."""
     block, begin = task.block, Signal(BEGIN, "s")
     names = {s.name for s in task.actions}
-    moved = block.swapped({time: time + begin.symbol})
+    acting = [
+        s.replace(name=f"gym.{s.name}") for s in task.actions
+    ]  # no parameter of the Block has this name
+    swap = {s.symbol: a.symbol for s, a in zip(task.actions, acting, strict=True)}
+    moved = block.swapped({**swap, time: time + begin.symbol})
     return block.unchecked(
         inputs=tuple(s for s in block.inputs if s.name not in names),
-        parameters=(*block.parameters, *task.actions, begin),
+        parameters=(*block.parameters, *acting, begin),
         **moved,
     )

@@ -35,6 +35,9 @@ State = tuple[Any, ...]
 #: Maximum number of steps of Diffrax between two instants.
 MAX_STEPS = 100_000
 
+#: Where the first and last stage of a step evaluate conditions on time, as a part of the step from its ends.
+INSIDE = 1e-6
+
 
 class Plan(NamedTuple):
     """When a run steps and ticks: arrays of shape (rows, steps, ...), the same for all runs.
@@ -170,6 +173,8 @@ def runner_of(functions: JaxFunctions, solver: Solver, record: str) -> Callable[
 def _rk4(functions: JaxFunctions) -> Callable[..., State]:
     """Return a step of the classical Runge-Kutta method as ``(t, h, x, u, p) -> x``."""
     f, n = functions.rows("moving"), functions.block.n_continuous
+    # a condition on time changes at the ends of steps: each step takes the value that it has within it
+    inside = INSIDE if switching_conditions(functions.block) else 0.0
 
     def step(t: Any, h: Any, x: State, u: State, p: State) -> State:
         def ahead(part: Any, k: State) -> State:
@@ -177,10 +182,10 @@ def _rk4(functions: JaxFunctions) -> Callable[..., State]:
 
         # k1 = f(t, x), k2 = f(t + h/2, x + h/2 k1), k3 = f(t + h/2, x + h/2 k2), k4 = f(t + h, x + h k3)
         # x(t + h) = x + h/6 (k1 + 2 k2 + 2 k3 + k4)
-        k1 = f(t, x, u, p)
+        k1 = f(t + inside * h, x, u, p)
         k2 = f(t + h / 2, ahead(h / 2, k1), u, p)
         k3 = f(t + h / 2, ahead(h / 2, k2), u, p)
-        k4 = f(t + h, ahead(h, k3), u, p)
+        k4 = f(t + h - inside * h, ahead(h, k3), u, p)
         return ahead(h / 6, tuple(a + 2 * (b + c) + d for a, b, c, d in zip(k1, k2, k3, k4, strict=True)))
 
     return step
