@@ -10,7 +10,7 @@ import numpy as np
 
 from hovercontrol.errors import InputError
 from hovercontrol.simulation.reasons import StoppedError
-from hovercontrol.targets.gym import ENDED, Array, Task
+from hovercontrol.targets.gym_task import ENDED, Array, Task
 
 
 class SingleSteps:
@@ -102,6 +102,6 @@ def again(task: Task) -> Any:
     """Return an environment again, for copies in other processes."""
     import gymnasium
 
-    from hovercontrol.targets.gym import _joined
+    from hovercontrol.targets.gym_task import joined
 
-    return _joined(SingleSteps, gymnasium.Env)(task)
+    return joined(SingleSteps, gymnasium.Env)(task)

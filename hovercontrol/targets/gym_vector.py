@@ -18,7 +18,7 @@ from hovercontrol.core.signals import Signal, time
 from hovercontrol.errors import InputError
 from hovercontrol.simulation.reasons import REASONS, StoppedError
 from hovercontrol.targets.engines import checked_solver, engine_of
-from hovercontrol.targets.gym import ENDED, REWARD, Array, Task
+from hovercontrol.targets.gym_task import ENDED, REWARD, Array, Task
 
 #: Parameter of a Block for many environments: when the episode of each began [s].
 BEGIN = "gym.episode.begin"

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,29 +24,11 @@ from hovercontrol.core.program import Program
 from hovercontrol.core.summary import block_line
 from hovercontrol.errors import InputError
 from hovercontrol.targets.compiled import Method
+from hovercontrol.targets.jax_needs import Run, need_jax
 from hovercontrol.targets.sweep import Many, SweepResult
 
 if TYPE_CHECKING:
     import control
-
-Run = Callable[..., dict[str, Any]]
-
-
-def need_jax() -> ModuleType:
-    """Import JAX, set it to double precision, and return ``jax.numpy``.
-
-    Raises
-    ------
-    InputError
-        If JAX is not installed.
-    """
-    try:
-        import jax
-        import jax.numpy
-    except ImportError:
-        raise InputError('a Block in JAX needs JAX: pip install "hovercontrol[jax]"') from None
-    jax.config.update("jax_enable_x64", True)
-    return jax.numpy
 
 
 @checked

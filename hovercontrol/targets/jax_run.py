@@ -23,11 +23,13 @@ from hovercontrol.simulation.given import checked_times, initial_state, input_ro
 from hovercontrol.simulation.reasons import REASONS, StoppedError
 from hovercontrol.simulation.trajectory import time_response
 from hovercontrol.targets.engines import checked_solver
-from hovercontrol.targets.jax import JaxFunctions, Run, need_jax
+from hovercontrol.targets.jax_needs import Run, need_jax
 from hovercontrol.targets.library import Solver
 
 if TYPE_CHECKING:
     import control
+
+    from hovercontrol.targets.jax import JaxFunctions
 
 Array = NDArray[np.float64]
 State = tuple[Any, ...]

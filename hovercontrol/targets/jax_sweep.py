@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,11 +12,14 @@ from hovercontrol.core.delays import arrivals_of_runs
 from hovercontrol.errors import InputError
 from hovercontrol.simulation.given import checked_times
 from hovercontrol.targets.engines import checked_solver
-from hovercontrol.targets.jax import JaxFunctions, need_jax
+from hovercontrol.targets.jax_needs import need_jax
 from hovercontrol.targets.jax_run import Plan, plan_of, runner_of
 from hovercontrol.targets.library import Solver
 from hovercontrol.targets.sweep import FIGURES, Many, SweepResult, in_threads
 from hovercontrol.targets.sweep_run import Sweep, sweep_of
+
+if TYPE_CHECKING:
+    from hovercontrol.targets.jax import JaxFunctions
 
 Array = NDArray[np.float64]
 
