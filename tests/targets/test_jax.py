@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 import hovercontrol as hc
 from hovercontrol.core.delays import undelayed
@@ -51,10 +50,6 @@ def test_the_jacobian_is_the_exact_one(rng):
     np.testing.assert_allclose(found, plant.to_numpy().jacobian(0.0, x, u), rtol=1e-12, atol=1e-12)
 
 
-#: Friction smoothed over 0.1 m/s (rad/s): with the usual 0.01 equal steps of 1 ms are too long for 1e-8.
-WIDE = LOOP.with_values({key: 0.1 for key in LOOP.default_parameters if key.endswith("_width")})
-
-
 # ---- runs --------------------------------------------------------------------------------------------
 
 GRID = np.linspace(0.0, 1.0, 101)
@@ -72,17 +67,6 @@ def test_a_sampled_controller_a_delay_and_noise_are_as_in_a_compiled_run(method)
     np.testing.assert_allclose(found.outputs, expected.outputs, rtol=1e-12, atol=1e-12)
 
 
-@pytest.mark.slow
-def test_runge_kutta_steps_are_of_order_four():
-    run = WIDE.to_jax()
-    grid = np.linspace(0.0, 2.0, 3)
-    exact = hc.simulate(WIDE, grid, rtol=1e-12, atol=1e-13).states[:, -1]
-    errors = [
-        np.abs(run.simulate(grid, method="rk4", step=h).states[:, -1] - exact).max() for h in (4e-3, 2e-3)
-    ]
-    assert 3.5 < np.log2(errors[0] / errors[1]) < 4.7
-
-
 def test_a_switch_at_a_set_time_is_not_stepped_over():
     import sympy as sp
 
@@ -93,37 +77,6 @@ def test_a_switch_at_a_set_time_is_not_stepped_over():
     block = hc.Block("kicked", [x], [], [x], [on, off, force], {"x": kick})
     found = block.to_jax().simulate([0.0, 1.0], method="rk4", step=0.1)
     assert found.states[0, -1] == pytest.approx(5e-4, rel=1e-3)
-
-
-@pytest.mark.slow
-def test_gradients_of_a_run_are_variational_sensitivities():
-    """d/dt (dx/dp) = df/dx dx/dp + df/dp, integrated by scipy with the run, in Runge-Kutta's limit."""
-    grid, keys = np.linspace(0.0, 10.0, 11), ["controller.k1", "controller.k2"]
-    functions, p = WIDE.to_numpy(), WIDE.parameter_values()
-    columns = [list(LOOP.default_parameters).index(key) for key in keys]
-
-    def slope(t, z):
-        x, s = z[:6], z[6:].reshape(6, 2)
-        by_x, by_p = (
-            functions.jacobian_values(t, x, np.zeros(0), p, "derivatives", kind)
-            for kind in ("states", "parameters")
-        )
-        return np.concatenate([functions.derivatives(t, x), (by_x @ s + by_p[:, columns]).ravel()])
-
-    start = np.concatenate([[s.start for s in LOOP.states], np.zeros(12)])
-    exact = solve_ivp(slope, (0.0, 10.0), start, "DOP853", t_eval=grid, rtol=1e-12, atol=1e-13).y[6:, -1]
-    run = WIDE.to_jax().run_function(grid, step=1e-3)
-
-    def last(gains):
-        end = run(dict(zip(keys, gains, strict=True)))
-        return jax.numpy.stack([end[s.name][-1] for s in LOOP.states])
-
-    gains = np.array([LOOP.default_parameters[key] for key in keys])
-    found = jax.jit(jax.jacrev(last))(gains)
-    scale = np.abs(exact).max()
-    np.testing.assert_allclose(np.asarray(found).ravel(), exact, rtol=1e-8, atol=1e-8 * scale)
-    forward = jax.jit(jax.jacfwd(last))(gains)
-    np.testing.assert_allclose(forward, found, rtol=1e-9, atol=1e-9 * scale)
 
 
 def test_what_sets_restarts_is_fixed_in_a_run_function():
