@@ -70,7 +70,8 @@ class Row:
         """Return it in one line."""
         named = f"{self.named or '-'}{f' (or {self.rivals})' if self.rivals else ''}"
         size = f"{self.value:8.3g} {self.estimate:8.3g} ± {self.std:.2g}"
-        return f"{self.case:32} {self.seed:2} {self.verdict:11} {named:60} {size} {self.seconds:6.1f} s  {self.outcome}"
+        run = f"{self.case:32} {self.seed:2} {self.verdict:11} {named:60}"
+        return f"{run} {size} {self.seconds:6.1f} s  {self.outcome}"
 
 
 def ship() -> hc.BlockModel:
@@ -231,17 +232,12 @@ def main(show: Callable[[str], None] = print) -> None:
 def summary(rows: list[Row], show: Callable[[str], None]) -> None:
     """Print shares with their 95 % intervals (Clopper and Pearson)."""
     known = [r for r in rows if np.isfinite(r.std)]
+    within = [abs(r.estimate - r.value) <= 2 * r.std for r in known]
     counts = (
         ("right form named, alone", [r.outcome == "right" for r in rows]),
-        (
-            "right form named, or among several that are told",
-            [r.outcome[:5] in ("right", "told ") for r in rows],
-        ),
+        ("right form named, or told among several", [r.outcome[:5] in ("right", "told ") for r in rows]),
         ("a false form named without a rival", [r.outcome == "false" for r in rows]),
-        (
-            "coefficient within two errors, of those named",
-            [abs(r.estimate - r.value) <= 2 * r.std for r in known],
-        ),
+        ("coefficient within two errors, of those named", within),
     )
     for what, hits in counts:
         low, high = hc.analysis.clopper_pearson(sum(hits), len(hits)) if hits else (0.0, 1.0)

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from hovercontrol.simulation.runner import BlockRunner
     from hovercontrol.targets.casadi import CasadiFunctions
     from hovercontrol.targets.compiled import CompiledBlock
+    from hovercontrol.targets.jax import JaxFunctions
     from hovercontrol.targets.trim import Trim
 
 
@@ -36,6 +37,8 @@ _OWN = {
     "compiled": "compile",
     "fmu": "to_fmu",
     "casadi": "to_casadi",
+    "jax": "to_jax",
+    "gym": "gym",
 }
 
 
@@ -66,10 +69,10 @@ class Backends:
     def to(self, backend: str, **options: Any) -> Any:
         """Return the Block in the form of a backend, by the backend's name.
 
-        Backends of this package are ``numpy``, ``control``, ``compiled``, ``fmu`` and ``casadi``: the methods
-        :meth:`to_numpy`, :meth:`to_control`, :meth:`compile`, :meth:`to_fmu` and :meth:`to_casadi`. Another
-        package adds a
-        backend by an entry point of the group ``hovercontrol.backends``
+        Backends of this package are ``numpy``, ``control``, ``compiled``, ``fmu``, ``casadi``, ``jax`` and
+        ``gym``: the methods :meth:`to_numpy`, :meth:`to_control`, :meth:`compile`, :meth:`to_fmu`,
+        :meth:`to_casadi`, :meth:`to_jax` and :meth:`gym`. Another package adds a backend by an entry point of
+        the group ``hovercontrol.backends``
         (:mod:`hovercontrol.core.backends`): a function of the Block and the options.
 
         Parameters
@@ -298,6 +301,44 @@ class Backends:
         from hovercontrol.targets.casadi import to_casadi
 
         return to_casadi(self._block)
+
+    def to_jax(self) -> JaxFunctions:
+        """Return the Block as pure JAX functions, for gradients of runs, ``vmap`` and GPUs.
+
+        Needs ``pip install "hovercontrol[jax]"``. JAX is set to double precision for the whole process.
+
+        Returns
+        -------
+        JaxFunctions
+            With ``derivatives``, ``outputs``, ``run_function``, ``simulate`` and ``sweep``
+            (:class:`hovercontrol.targets.jax.JaxFunctions`).
+
+        Raises
+        ------
+        InputError
+            If JAX is not installed.
+        """
+        from hovercontrol.targets.jax import to_jax
+
+        return to_jax(self._block)
+
+    def gym(self, step: float, **options: Any) -> Any:
+        """Return the Block as a Gymnasium environment, or many as a vector environment.
+
+        Arguments, result and errors are those of :func:`hovercontrol.targets.gym.to_gym`. Needs
+        ``pip install "hovercontrol[rl]"``.
+
+        Parameters
+        ----------
+        step : float
+            Time for which a step holds the actions [s].
+        **options
+            ``reward``, ``terminated``, ``duration``, ``actions``, ``observations``, ``bounds``, ``start``,
+            ``params``, ``num_envs``, ... as for that function.
+        """
+        from hovercontrol.targets.gym import to_gym
+
+        return to_gym(self._block, step, **options)
 
     def trim(
         self,

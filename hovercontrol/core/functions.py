@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property, lru_cache
+from types import ModuleType
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -249,6 +250,24 @@ def numpy_functions(block: Block) -> NumpyFunctions:
 
 def _compile(program: Program, backend: Backend, groups: Sequence[list[sp.Symbol]]) -> Function:
     """Compile a program to a function ``f(t, x, u, p)`` that returns a tuple."""
+    return program_function(program, groups, _Floats() if backend == "math" else ArrayPrinter(), math, np)
+
+
+def program_function(
+    program: Program, groups: Sequence[list[sp.Symbol]], printer: PythonCodePrinter, *modules: ModuleType
+) -> Function:
+    """Compile a program to a Python function ``f(t, x, u, p)`` that returns a tuple.
+
+    Parameters
+    ----------
+    program : Program
+    groups : sequence of list of sympy.Symbol
+        Symbols of the states, the inputs and the parameters, in the order of x, u and p.
+    printer : sympy.printing.pycode.PythonCodePrinter
+        Prints the expressions; it writes the modules' full names.
+    *modules : module
+        Modules that the printed code calls.
+    """
     short: dict[sp.Symbol, sp.Symbol] = {time: sp.Symbol("t")}
     lines = ["def f(t, x, u, p):"]
     used = program.symbols
@@ -261,12 +280,11 @@ def _compile(program: Program, backend: Backend, groups: Sequence[list[sp.Symbol
         lines += [f"    {load}" for load in loads]
     for k, (symbol, _) in enumerate(program.steps):
         short[symbol] = sp.Symbol(f"c{k}")
-    printer = _Floats() if backend == "math" else _Arrays()
     for symbol, e in program.steps:
         lines.append(f"    {short[symbol]} = {printer.doprint(with_symbols(e, short))}")
     values = "".join(f"{printer.doprint(with_symbols(e, short))}, " for e in program.results)
     lines.append(f"    return ({values})")
-    space: dict[str, Any] = {"math": math, "numpy": np}
+    space: dict[str, Any] = {module.__name__.partition(".")[0]: module for module in modules}
     exec("\n".join(lines), space)
     return space["f"]
 
@@ -287,14 +305,14 @@ class _Floats(PythonCodePrinter):
         return str(super()._print_Pow(expr, rational=rational))
 
 
-class _Arrays(NumPyPrinter):
-    """Prints NumPy code for arrays that broadcast."""
+class ArrayPrinter(NumPyPrinter):
+    """Prints NumPy code, or that of a module with the same functions, for arrays that broadcast."""
 
     def _print_Max(self, expr: sp.Max) -> str:
-        return self._fold("numpy.maximum", expr.args)
+        return self._fold(f"{self._module}.maximum", expr.args)
 
     def _print_Min(self, expr: sp.Min) -> str:
-        return self._fold("numpy.minimum", expr.args)
+        return self._fold(f"{self._module}.minimum", expr.args)
 
     def _fold(self, name: str, args: Sequence[sp.Expr]) -> str:
         text = str(self._print(args[0]))
@@ -305,9 +323,9 @@ class _Arrays(NumPyPrinter):
     def _print_Piecewise(self, expr: sp.Piecewise) -> str:
         pieces = list(expr.args)
         value, condition = pieces.pop()
-        text = self._print(value) if condition == sp.true else "numpy.nan"
+        text = self._print(value) if condition == sp.true else f"{self._module}.nan"
         if condition != sp.true:
             pieces.append((value, condition))
         for value, condition in reversed(pieces):
-            text = f"numpy.where({self._print(condition)}, {self._print(value)}, {text})"
+            text = f"{self._module}.where({self._print(condition)}, {self._print(value)}, {text})"
         return str(text)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.core.block import Block
 from hovercontrol.core.delays import arrivals_of_runs
@@ -26,6 +27,84 @@ from hovercontrol.targets.sweep import (
     units_of_runs,
     values_of_runs,
 )
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """A sweep's arguments in the Block's order, and arrays for its results.
+
+    Attributes
+    ----------
+    x, p : ndarray, shape (n_runs, n_states) and (n_runs, n_parameters)
+    u : ndarray, shape (n_inputs, n_times)
+    keys : list of str
+        Of the parameters.
+    params : mapping
+        The parameters as given.
+    parameters, x0 : dict of str to ndarray, shape (n_runs,)
+        The given values of each run.
+    counted : int
+        Index of the first time at which figures are evaluated.
+    bands : ndarray, shape (n_outputs,)
+    results : tuple of ndarray
+        Figures (n_runs, n_outputs, 5), last states (n_runs, n_states), status (n_runs,).
+    """
+
+    block: Block
+    x: Array
+    p: Array
+    u: Array
+    keys: list[str]
+    params: Many
+    parameters: dict[str, Array]
+    x0: dict[str, Array]
+    counted: int
+    bands: Array
+    results: tuple[Array, Array, NDArray[np.intc]]
+
+    def result(self) -> SweepResult:
+        """Return the results with their names and units."""
+        figures, last, status = self.results
+        outputs, states = (tuple(s.name for s in g) for g in (self.block.outputs, self.block.states))
+        each: dict[str, Any] = {name: figures[:, :, k] for k, name in enumerate(FIGURES)}
+        given = (self.parameters, self.x0, units_of_runs(self.block))
+        return SweepResult(outputs, states, *given, **each, states_final=last, status=status)
+
+
+def sweep_of(
+    block: Block,
+    times: Array,
+    params: Many | None,
+    x0: Many | ArrayLike | None,
+    inputs: ArrayLike | Many | None,
+    start: float,
+    band: float | Mapping[str, float],
+) -> Sweep:
+    """Return a sweep's arguments, checked; they are those of :meth:`.compiled.CompiledBlock.sweep`.
+
+    Raises
+    ------
+    InputError
+        If a name, a shape or a value is wrong.
+    """
+    u = input_rows(block, inputs, times)
+    if x0 is not None and not isinstance(x0, Mapping):
+        x0 = rows_by_state(block, x0)
+    runs = number_of_runs({**(params or {}), **(x0 or {})})
+    keys = [block.parameter_key(s.name) for s in block.parameters]
+    signals = dict(zip(keys, block.parameters, strict=True))
+    p, given_p = values_of_runs(block, signals, params, runs, "parameter")
+    x, given_x = values_of_runs(block, {s.name: s for s in block.states}, x0, runs, "state")
+    bands = settling_bands(block, band)
+    counted = int(np.searchsorted(times, start))
+    if counted == len(times):
+        raise InputError(f"start = {start:g} s is after the last time, {times[-1]:g} s")
+    results = (
+        np.full((runs, len(block.outputs), len(FIGURES)), np.nan),
+        np.full((runs, len(block.states)), np.nan),
+        np.zeros(runs, dtype=np.intc),
+    )
+    return Sweep(block, x, p, u, keys, params or {}, given_p, given_x, counted, bands, results)
 
 
 def run_sweep(
@@ -57,28 +136,11 @@ def run_sweep(
     InputError
         As for :meth:`.compiled.CompiledBlock.sweep`.
     """
-    u = input_rows(block, inputs, times)
-    if x0 is not None and not isinstance(x0, Mapping):
-        x0 = rows_by_state(block, x0)
-    runs = number_of_runs({**(params or {}), **(x0 or {})})
-    keys = [block.parameter_key(s.name) for s in block.parameters]
-    starts = dict(zip((s.name for s in block.states), block.states, strict=True))
-    p, given_p = values_of_runs(
-        block, dict(zip(keys, block.parameters, strict=True)), params, runs, "parameter"
-    )
-    x, given_x = values_of_runs(block, starts, x0, runs, "state")
-    bands = settling_bands(block, band)
-    counted = int(np.searchsorted(times, start))
-    if counted == len(times):
-        raise InputError(f"start = {start:g} s is after the last time, {times[-1]:g} s")
+    given = sweep_of(block, times, params, x0, inputs, start, band)
+    u, x, p, (figures, last, status) = given.u, given.x, given.p, given.results
     # relative to times[0] [s]: midpoint between the last time before `start` and the first evaluated one
+    counted, runs = given.counted, len(x)
     since = (times[counted - 1] + times[counted]) / 2 - times[0] if counted else 0.0
-    figures, last, status = (
-        np.full((runs, len(block.outputs), len(FIGURES)), np.nan),
-        np.full((runs, len(block.states)), np.nan),
-        np.zeros(runs, dtype=np.intc),
-    )
-
     groups = arrivals_of_runs(block, times, u, p)
     order = np.concatenate([which for which, _ in groups])  # groups runs with the same delays
     if len(groups) > 1:
@@ -87,7 +149,7 @@ def run_sweep(
     def work(k: int) -> int:
         part, late = parts[k]
         results = figures[part], last[part], status[part]
-        engine.sweep(solver, late.times, late.inputs, x[part], p[part], since, bands, results)
+        engine.sweep(solver, late.times, late.inputs, x[part], p[part], since, given.bands, results)
         return part.stop - part.start
 
     engine = engine_from(x)
@@ -103,8 +165,6 @@ def run_sweep(
     in_threads(work, range(len(parts)), threads, progress)
     if len(groups) > 1:
         back = np.argsort(order)
-        figures, last, status = figures[back], last[back], status[back]
-    names = tuple(s.name for s in block.outputs)
-    each: dict[str, Any] = {name: figures[:, :, k] for k, name in enumerate(FIGURES)}
-    given = (given_p, given_x, units_of_runs(block))
-    return SweepResult(names, tuple(starts), *given, **each, states_final=last, status=status)
+        for whole in given.results:
+            whole[:] = whole[back]
+    return given.result()

@@ -1,0 +1,124 @@
+"""A Block in JAX computes what NumPy and compiled Blocks compute, and its runs have exact gradients."""
+
+import numpy as np
+import pytest
+
+import hovercontrol as hc
+from hovercontrol.core.delays import undelayed
+from hovercontrol.core.signals import time
+from hovercontrol.scenarios import load_scenario
+from hovercontrol.scenarios.runner import loop_parts
+from hovercontrol.targets.sweep import FIGURES
+from tests.targets.sampled_by_hand import sampled_loop
+
+jax = pytest.importorskip("jax")
+CRAFT = hc.vehicle("c17_simulation")
+PARTS = loop_parts(load_scenario("table1"))
+LOOP = hc.interconnect(
+    [CRAFT.plant(), hc.tracking_controller(CRAFT), hc.ellipse(1.5, 2.5, rate=-1.0)], "loop"
+)
+
+
+BLOCKS = {
+    **{name: hc.vehicle(name).plant() for name in hc.VEHICLES},
+    "tracking": hc.tracking_controller(CRAFT),
+    "pid": hc.pid(hc.Signal("v", "m/s"), hc.Signal("a", "m/s^2"), kp=2.0, ki=0.5, kd=0.1),
+    "waypoints": hc.waypoints([[0, 0], [1, 2], [3, 1]], [0.0, 1.0, 2.5]),
+    "loop": LOOP,
+    "sampled": sampled_loop(),
+    **{f"table1 {name}": block for name, block in PARTS.items()},
+}
+
+
+@pytest.mark.slow("estimator")
+@pytest.mark.parametrize("name", BLOCKS)
+def test_functions_are_numpy_s_at_random_points(name, rng):
+    block = undelayed(BLOCKS[name])
+    x, u = (rng.normal(0, 1, (len(group), 100)) for group in (block.states, block.inputs))
+    t = rng.uniform(0, 3, 100)
+    functions, expected = block.to_jax(), block.to_numpy()
+    for rows in ("next" if block.period else "derivatives", "outputs"):
+        found = np.asarray(jax.jit(getattr(functions, rows))(t, x, u))
+        wanted = expected.derivatives(t, x, u) if rows != "outputs" else expected.outputs(t, x, u)
+        np.testing.assert_allclose(found, wanted, rtol=1e-12, atol=1e-12 * np.abs(wanted).max(initial=0))
+
+
+def test_the_jacobian_is_the_exact_one(rng):
+    plant = CRAFT.plant()
+    x, u = rng.normal(0, 1, 6), rng.normal(0, 1, 2)
+    found = jax.jit(jax.jacobian(plant.to("jax").derivatives, 1))(0.0, x, u)
+    np.testing.assert_allclose(found, plant.to_numpy().jacobian(0.0, x, u), rtol=1e-12, atol=1e-12)
+
+
+# ---- runs --------------------------------------------------------------------------------------------
+
+GRID = np.linspace(0.0, 1.0, 101)
+PUSH = np.where((GRID > 0.2) & (GRID < 0.5), 0.3, 0.0)
+
+
+@pytest.mark.slow("method1")
+@pytest.mark.parametrize("method", [{"method": "rk4", "step": 0.0025}, {"rtol": 1e-9}])
+def test_a_sampled_controller_a_delay_and_noise_are_as_in_a_compiled_run(method):
+    pytest.importorskip("diffrax")
+    block = sampled_loop()
+    found = block.to_jax().simulate(GRID, {"push": PUSH}, params={"cart.late": 0.0333}, **method)
+    expected = hc.simulate(block, GRID, {"push": PUSH}, params={"cart.late": 0.0333}, rtol=1e-9)
+    np.testing.assert_allclose(found.states, expected.states, rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(found.outputs, expected.outputs, rtol=1e-12, atol=1e-12)
+
+
+def test_a_switch_at_a_set_time_is_not_stepped_over():
+    import sympy as sp
+
+    on, off = hc.Signal("on", "s", start=0.5137), hc.Signal("off", "s", start=0.5138)
+    force = hc.Signal("force", "1/s", start=5.0)
+    kick = sp.Piecewise((force.symbol, (time > on.symbol) & (time < off.symbol)), (0.0, True))
+    x = hc.Signal("x")
+    block = hc.Block("kicked", [x], [], [x], [on, off, force], {"x": kick})
+    found = block.to_jax().simulate([0.0, 1.0], method="rk4", step=0.1)
+    assert found.states[0, -1] == pytest.approx(5e-4, rel=1e-3)
+
+
+def test_what_sets_restarts_is_fixed_in_a_run_function():
+    run = sampled_loop().to_jax().run_function(GRID, step=0.01)
+    with pytest.raises(hc.InputError, match=r"'cart.late' sets times at which the run restarts"):
+        run({"cart.late": 0.1})
+    with pytest.raises(hc.InputError, match=r"unknown parameter 'brake.kk'; did you mean 'brake.k'"):
+        run({"brake.kk": 0.1})
+    with pytest.raises(hc.InputError, match=r"unknown state 'cart.w'"):
+        run(x0={"cart.w": 0.1})
+
+
+# ---- sweeps ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("block", [LOOP, sampled_loop()], ids=["continuous", "hybrid"])
+@pytest.mark.parametrize(
+    "method", [{"method": "rk4", "step": 2e-3}, {"method": "dormand-prince", "rtol": 1e-10}]
+)
+def test_a_sweep_has_the_figures_of_the_compiled_one(block, method):
+    key = {"loop": "controller.k1", "braked": "cart.late"}[block.name]
+    given = {"params": {key: np.linspace(0.01, 2.0, 7)}, "start": 0.2, "band": 1e-3, **method}
+    found, expected = (made.sweep(GRID, **given, **more) for made, more in (
+        (block.to_jax(), {"chunk": 3}), (block.compile(), {})
+    ))  # fmt: skip
+    for name in (*FIGURES, "states_final"):
+        np.testing.assert_allclose(getattr(found, name), getattr(expected, name), rtol=2e-7, atol=2e-7)
+    assert not found.status.any()
+
+
+def test_a_run_that_fails_is_marked_and_the_others_go_on():
+    x = hc.Signal("x", start=1.0)
+    k = hc.Signal("k", "1/s", start=1.0)
+    block = hc.Block("blown", [x], [], [x], [k], {"x": k.symbol * x.symbol**2})  # infinite at t = 1/k
+    result = block.to_jax().sweep([0.0, 0.5, 2.0], params={"blown.k": [0.1, 3.0, 0.2]}, step=1e-3)
+    assert result.status.tolist() == [0, 2, 0]
+    assert "a derivative is not a number" in str(result.failures[0]) and np.isnan(result["x"].final[1])
+    assert result["x"].final[[0, 2]] == pytest.approx([1 / (1 - 0.2), 1 / (1 - 0.4)])  # x = 1/(1 - k t)
+
+
+def test_without_jax_one_line_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "jax", None)
+    with pytest.raises(hc.InputError, match=r'pip install "hovercontrol\[jax\]"'):
+        LOOP.to_jax()
