@@ -17,7 +17,7 @@ def main(out, progress):
     (out / "words.txt").write_text("one\\ntwo\\n")
     return [out / "words.txt"]
 '''
-REPORTING = ("simulate", "check", "identify", "diagnose", "export", "analyze", "sweep")
+REPORTING = ("simulate", "check", "identify", "diagnose", "export", "analyze", "sweep", "benchmark")
 
 
 @pytest.fixture

@@ -50,3 +50,17 @@ def test_the_files_it_names_are_there():
     paths = re.findall(r"`((?:hovercontrol|tests|fmu)/[\w/.]*)`", prose)
     assert links and paths
     assert not [name for name in (*links, *paths) if not (PROJECT / name).exists()]
+
+
+def test_the_backend_of_another_package_agrees_with_numpy():
+    import hovercontrol as hc
+
+    (code,) = (b for b in re.findall(r"```python\n(.*?)```", TEXT, re.S) if "def to_mpmath" in b)
+    package: dict = {}
+    exec(code, package)
+    plant = hc.vehicle("c17_simulation").plant()
+    state, command = [0.1, 0.2, 0.3, 0.4, -0.5, 0.7], [1.0, 0.1]
+    parameters = list(plant.default_parameters.values())
+    found = package["to_mpmath"](plant)(0.0, state, command, parameters)
+    expected = plant.to_numpy().derivatives(0.0, state, command)
+    assert [float(f) for f in found] == pytest.approx(expected.tolist(), rel=1e-13)

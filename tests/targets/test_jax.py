@@ -12,6 +12,7 @@ from hovercontrol.targets.sweep import FIGURES
 from tests.targets.sampled_by_hand import sampled_loop
 
 jax = pytest.importorskip("jax")
+jnp = pytest.importorskip("jax.numpy")
 CRAFT = hc.vehicle("c17_simulation")
 PARTS = loop_parts(load_scenario("table1"))
 LOOP = hc.interconnect(
@@ -122,3 +123,35 @@ def test_without_jax_one_line_says_what_to_install(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "jax", None)
     with pytest.raises(hc.InputError, match=r'pip install "hovercontrol\[jax\]"'):
         LOOP.to_jax()
+
+
+@pytest.mark.slow
+def test_gradients_of_a_run_are_the_variational_sensitivities():
+    """Ten seconds of the craft, friction over 0.2 m/s, against the variational equations by DOP853."""
+    from scipy.integrate import solve_ivp
+
+    plant = hc.vehicle("c17_simulation").plant()
+    values = {k: 0.2 if k.endswith("width") else v for k, v in plant.default_parameters.items()}
+    names, rows = list(values), [s.name for s in plant.states]
+    n, count = len(rows), len(values)
+    t, command, x0 = np.linspace(0, 10, 101), np.array([3.0, 0.2]), np.array([0, 0, 0, 1.0, 0.1, 0.2])
+    numpy = plant.to_numpy()
+
+    def slopes(at, z):
+        x, S = z[:n], z[n:].reshape(n, count)
+        A = numpy.jacobian(at, x, command, values)
+        B = numpy.jacobian(at, x, command, values, "derivatives", "parameters")
+        return np.r_[numpy.derivatives(at, x, command, values), (A @ S + B).ravel()]
+
+    exact = solve_ivp(slopes, (0, 10), np.r_[x0, np.zeros(n * count)], "DOP853", rtol=1e-12, atol=1e-14)
+    expected = exact.y[n:, -1].reshape(n, count)
+    run = plant.to_jax().run_function(t, np.tile(command[:, None], t.size), step=0.005)
+    start = dict(zip(rows, x0, strict=True))
+
+    def final(params):
+        found = run(params, start)
+        return jnp.stack([found[name][-1] for name in rows])
+
+    found = jax.jit(jax.jacfwd(final))(values)
+    ours = np.stack([np.asarray(found[name]) for name in names], axis=1)
+    assert np.abs(ours - expected).max() < 1e-8 * np.abs(expected).max()
