@@ -51,7 +51,7 @@ def test_a_model_file_holds_a_law(tmp_path):
 
 def test_a_fan_craft_may_have_a_law_of_its_wrench():
     fan = hc.Fan("rear", -0.1, 0.0, 0.0)
-    craft = hc.Model("puck", [hc.effect("fans_thrust", 1.0)], fans=[fan])
+    craft = hc.Model("puck", [hc.effect("fan_force", 1.0)], fans=[fan])
     law = craft.effect_class("law_u__fan_x__u")(-0.3)
     with_, without = (
         m.plant().to_numpy().derivatives(0.0, [0, 0, 0, 2.0, 0, 0], [0.5])

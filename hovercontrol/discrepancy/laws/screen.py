@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.discrepancy.criteria import Criteria
-from hovercontrol.discrepancy.laws.symmetry import broken_by, symmetries
+from hovercontrol.discrepancy.laws.symmetry import Signs, broken_by, symmetries
 from hovercontrol.discrepancy.search.candidates import Candidate, candidates
 from hovercontrol.discrepancy.search.fit import TRIALS
 from hovercontrol.discrepancy.search.score import Scores
 from hovercontrol.effects.law import Law
 from hovercontrol.estimation.fit import Fit
+from hovercontrol.estimation.subject import Subject
 
 Array = NDArray[np.float64]
 
@@ -80,7 +81,7 @@ def effective_tests(correlations: Array) -> float:
     return float(np.sqrt(found).sum() ** 2 / found.sum())
 
 
-def screened(fit: Fit, names: Sequence[str], criteria: Criteria) -> Screened:
+def screened(fit: Fit, names: Sequence[str], criteria: Criteria, given: Subject) -> Screened:
     """Return the laws worth a fit: the best alone, and the best partners of these.
 
     Laws that the logs do not tell apart are one. It goes by the name of the one that breaks fewest symmetries
@@ -92,20 +93,21 @@ def screened(fit: Fit, names: Sequence[str], criteria: Criteria) -> Screened:
     names : sequence of str
         Of laws.
     criteria : Criteria
+    given : Model or BlockModel
+        The model whose symmetries a law should keep: the given one, without what a search has added.
     """
     model = fit.problem.model
     have = {e.name for e in model.effects}
     trials = [model.effect_class(n)(1.0) for n in names if n not in have]
     known = [c for c in candidates(fit) if len(c.amplitudes) == 1 and type(c.trial).kind() == "force"]
     scores = Scores(fit, [*(Candidate(e.name, e, ("value",)) for e in trials), *known])
-    return _Screening(scores, [type(e) for e in trials], criteria).result()
+    return _Screening(scores, [type(e) for e in trials], criteria, symmetries(given)).result()
 
 
 class _Screening:
     """The table of laws (the first columns) and of what the catalogue has, and the choice on it."""
 
-    def __init__(self, scores: Scores, laws: Sequence[type], criteria: Criteria) -> None:
-        signs = symmetries(scores.fit.problem.model)
+    def __init__(self, scores: Scores, laws: Sequence[type], criteria: Criteria, signs: Signs) -> None:
         self.scores = scores
         self.laws = [cls for cls in laws if issubclass(cls, Law)]
         self.broken = [broken_by(cls, signs) for cls in self.laws]

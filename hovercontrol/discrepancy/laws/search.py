@@ -61,7 +61,7 @@ def with_laws(
         return found
     names = law_names(selection.final.problem.model)
     report(f"screening {len(names)} laws")
-    screening = screened(selection.final, names, criteria)
+    screening = screened(selection.final, names, criteria, model)
     few = screening.laws
     rows = [] if trace is None else trace
     rule, least = "gain of the law on left-out blocks, at least", criteria.least

@@ -28,7 +28,11 @@ MIRROR = dict.fromkeys(("y", "psi", "v", "r", "fan_y", "fan_torque"), -1)
 MOST = 10
 
 
-def symmetries(model: Subject) -> tuple[Mapping[str, int], ...]:
+#: Changes of sign, each by signal.
+Signs = tuple[Mapping[str, int], ...]
+
+
+def symmetries(model: Subject) -> Signs:
     """Return the changes of sign of states and inputs under which a model's equations stay the same.
 
     Parameters
@@ -52,7 +56,7 @@ def symmetries(model: Subject) -> tuple[Mapping[str, int], ...]:
 
 
 @lru_cache(maxsize=64)
-def _found(block: Block) -> tuple[Mapping[str, int], ...]:
+def _found(block: Block) -> Signs:
     signals = (*block.states, *block.inputs)
     if len(signals) > MOST:
         return ()
@@ -77,7 +81,7 @@ def _found(block: Block) -> tuple[Mapping[str, int], ...]:
     return tuple(kept)
 
 
-def broken_by(law: type[Law], signs: tuple[Mapping[str, int], ...]) -> int:
+def broken_by(law: type[Law], signs: Signs) -> int:
     """Return the number of symmetries of a model that a law breaks.
 
     Parameters

@@ -251,7 +251,8 @@ def verdict(m: Context) -> str:
 
 def _explained(e: Effect) -> str:
     """Return the name of an effect with its description."""
-    name, text = effect_words(e.name).capitalize(), meaning(e)
+    words = effect_words(e.name)
+    name, text = words if is_law(e.name) else words.capitalize(), meaning(e)
     return text if text.startswith(f"{name}:") else f"{name}: {text}"
 
 

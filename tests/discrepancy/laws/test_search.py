@@ -64,7 +64,7 @@ def lacking():
 
 def test_the_true_form_is_among_the_best_of_the_screening(lacking):
     names = law_names(ship())
-    found = screened(lacking, names, CRITERIA)
+    found = screened(lacking, names, CRITERIA, ship())
     assert "law_r__abs_v__r" in [s.name for s in found.laws][:3]
     assert 1.0 < found.tests < len(names)
 
@@ -79,7 +79,7 @@ def test_the_yardstick_gives_nothing_where_nothing_is_missing():
     with threadpool_limits(1, "blas"):
         fit = base_fit(ship(), gather(ship(), [log(0, 0.0), log(1, 0.0)]))
     assert all(y.gain < 20.0 for y in yardsticks(fit, ["v", "r"]))
-    assert screened(fit, law_names(ship()), CRITERIA).laws == []
+    assert screened(fit, law_names(ship()), CRITERIA, ship()).laws == []
 
 
 @pytest.mark.slow
