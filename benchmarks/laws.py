@@ -42,7 +42,7 @@ class Planted:
 
 
 LAWS = (
-    Planted("craft", "law_r__abs_v__r", -2.0, -1.0),
+    Planted("craft", "law_r__abs_u__r", -0.6, -0.3),
     Planted("craft", "law_u__sqr_r", 0.03, 0.08, True),
     Planted("ship", "law_r__abs_v__r", -0.8, -0.4),
     Planted("ship", "law_v__abs_r__r", 2.0, 4.0, True),
@@ -171,7 +171,7 @@ def case(planted: Planted, seed: int) -> tuple[hc.Model | hc.BlockModel, list[hc
     if planted.machine != "craft":
         return block_case(planted, seed)
     rng = np.random.default_rng([seed, 7])
-    model, conditions = craft(rng), Conditions(duration=30.0, gusts=True)
+    model, conditions = craft(rng), Conditions(gusts=True)
     value = _value(planted, rng)
     truth = model.with_effects([model.effect_class(planted.law)(value)])
     runs = [simulated(truth, rng, conditions, n) for n in ("log 1", "log 2", "hold-out")]

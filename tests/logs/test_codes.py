@@ -29,7 +29,7 @@ def test_a_code_for_missing_values_is_named_in_one_line(column, code, tmp_path):
     coded(column, code).save(tmp_path / "run.csv")
     with pytest.raises(InputError) as said:
         read_log(tmp_path / "run.csv", inputs=["thrust", "rudder"])
-    assert f"column {column!r}: {code:g} in {LOST.sum()} rows, the first in line 153, seems" in str(
+    assert f"column {column!r}: {code:g} in {LOST.sum()} rows, the first in line 153, looks" in str(
         said.value
     )
     assert str(said.value).endswith(f": --missing {code:g}") and "degrees" not in str(said.value)
@@ -52,7 +52,7 @@ def test_codes_are_numbers_of_the_file_and_not_of_the_log(tmp_path):
 
 def test_logs_made_in_python_are_looked_at_too():
     log = coded("psi", -999.0)
-    line = f"run.csv: column 'psi': -999 in {LOST.sum()} rows, the first at 3.02 s, seems"
+    line = f"run.csv: column 'psi': -999 in {LOST.sum()} rows, the first at 3.02 s, looks"
     with pytest.raises(InputError, match=line):
         identify(c17_experiment(), [log])
     assert [e.startswith(line) for e in check([log], c17_experiment()).errors] == [True]
