@@ -68,6 +68,7 @@ class Effect:
     signal: ClassVar[str] = ""
     instead_of: ClassVar[str] = ""
     axis: ClassVar[str] = ""
+    equation: ClassVar[str] = ""
     drives: ClassVar[bool] = False
     turns_fans: ClassVar[bool] = False
     shifts_time: ClassVar[bool] = False

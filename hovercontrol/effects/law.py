@@ -95,12 +95,9 @@ class Law(Effect):
 
     Attributes
     ----------
-    equation : str
-        The state to whose derivative the term adds.
     product : tuple of Factor
     """
 
-    equation: ClassVar[str] = ""
     product: ClassVar[tuple[Factor, ...]] = ()
 
     def terms(self, c: Any, s: Any) -> dict[str, sp.Expr]:

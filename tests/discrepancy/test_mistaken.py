@@ -49,6 +49,7 @@ def test_what_is_there_keeps_its_name(name):
 def test_a_search_asks_in_place_of_what_it_may_be_taken_for(heavier):
     asked_for = {
         "air_drag",
+        "body_yaw_torque",
         "gyro_drift",
         "mass_drift",
         *(f"{a}_cubic_drag" for a in ("surge", "sway", "yaw")),

@@ -122,7 +122,7 @@ class _Equation:
         self.fit, self.equation, self.along = fit, equation, Along(fit)
         self.values = {
             e.product[0].signal: form
-            for e, form in zip(laws, self.along.forms_of_laws(laws), strict=True)
+            for e, form in zip(laws, self.along.forms(laws), strict=True)
             if np.ptp(form) > 0.0
         }
 

@@ -17,7 +17,6 @@ from hovercontrol.core.block import Block
 from hovercontrol.core.functions import Function, array_function
 from hovercontrol.discrepancy.search.candidates import Candidate
 from hovercontrol.effects import Effect
-from hovercontrol.effects.law import Law
 from hovercontrol.estimation.fit import Fit
 from hovercontrol.estimation.inputs import Inputs
 from hovercontrol.estimation.subject import Subject, followed_rate, rate_key, structure, timing
@@ -48,10 +47,10 @@ def columns(fit: Fit, tried: Sequence[Candidate]) -> tuple[Array, Array, list[tu
     own: list[tuple[int, ...]] = []
     at = 0
     runs = Along(fit)
-    laws = runs.forcing_of_laws([c.trial for c in tried if isinstance(c.trial, Law)])
+    forms = runs.forcing_of_forms([c.trial for c in tried if c.trial.equation])
     for candidate in tried:
-        if isinstance(candidate.trial, Law):
-            drive[..., at] = _finite(next(laws))
+        if candidate.trial.equation:
+            drive[..., at] = _finite(next(forms))
             own.append((at,))
             at += 1
             continue
@@ -118,35 +117,35 @@ class Along:
             added = self._slopes(model, values) - self._base
         return self._within.become(added)
 
-    def forcing_of_laws(self, laws: Sequence[Law]) -> Iterator[Array]:
-        """Return what each law adds to the free states from row to row, (K-1, W, n), all by one function.
+    def forcing_of_forms(self, effects: Sequence[Effect]) -> Iterator[Array]:
+        """Return what effects of one form add to the free states from row to row, each (K-1, W, n).
 
-        As :meth:`forcing`; the difference of the slopes is the law's own term.
+        As :meth:`forcing`, all by one function: the difference of the slopes is the effect's own term.
 
         Parameters
         ----------
-        laws : sequence of Law
-            At their trial values.
+        effects : sequence of Effect
+            Each adds a coefficient times a form to one equation; at their trial values.
         """
-        for e, form in zip(laws, self.forms_of_laws(laws), strict=True):
+        for e, form in zip(effects, self.forms(effects), strict=True):
             yield self.carried(e.equation, e.values["value"] * form)
 
-    def forms_of_laws(self, laws: Sequence[Law]) -> list[Array]:
-        """Return the form of each law (its term per coefficient) in the middles of sub-steps, each (M, W)."""
-        if not laws:
+    def forms(self, effects: Sequence[Effect]) -> list[Array]:
+        """Return the form of each effect, its term per coefficient, in the middles of sub-steps (M, W)."""
+        if not effects:
             return []
-        model = self.problem.model.with_effects(laws)
+        model = self.problem.model.with_effects(effects)
         block = structure(model)
         x, u, every = self._path(model, block, {**self._rate, **self._values})
-        function = array_function(block, [term_of(block, e) for e in laws])
+        function = array_function(block, [term_of(block, e) for e in effects])
         with np.errstate(all="ignore"):
             return [np.broadcast_to(f, self._t.shape) for f in function(self._t, x, u, every)]
 
-    def carried(self, equation: str, slope: Array) -> Array:
-        """Return what a slope of one state, (M, W), adds to the free states from row to row, (K-1, W, n)."""
+    def carried(self, equation: str, rate: Array) -> Array:
+        """Return what a rate of one state, (M, W), adds to the free states from row to row, (K-1, W, n)."""
         names = [s.name for s in self.problem.block.states]
         added = np.zeros((len(self.problem.free), *self._t.shape))
-        added[self.problem.free.index(names.index(equation))] = slope
+        added[self.problem.free.index(names.index(equation))] = rate
         return self._within.become(added)
 
     def _difference(self, model: Subject, values: Mapping[str, float]) -> Array | None:
@@ -237,10 +236,10 @@ class Along:
         return np.where(problem.seen, found, 0.0)
 
 
-def term_of(block: Block, law: Law) -> sp.Expr:
-    """Return the term of a law in a Block that has it, per coefficient."""
-    own = block.parameter(law.parameter("value")).symbol
-    terms = sp.Add.make_args(block.expand(block.derivatives[law.equation]))
+def term_of(block: Block, e: Effect) -> sp.Expr:
+    """Return the term of an effect of one form in a Block that has it, per coefficient."""
+    own = block.parameter(e.parameter("value")).symbol
+    terms = sp.Add.make_args(block.expand(block.derivatives[e.equation]))
     return sp.Add(*(sp.diff(term, own) for term in terms if own in term.free_symbols))
 
 
