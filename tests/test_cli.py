@@ -117,7 +117,7 @@ SAMPLE = sample_path().read_text().splitlines()
             lambda rows: [*rows[:50], *rows[1150:]],
             "1 gap of 22 s, 22 s in total; the median interval between rows is 0.02 s",
         ),
-        (lambda rows: [*rows[:50], "0.98,1e30,0,0,0,0", *rows[51:]], "1e+30 in line 51 seems"),
+        (lambda rows: [*rows[:50], "0.98,1e30,0,0,0,0", *rows[51:]], "1e+30 in line 51 looks"),
         (lambda rows: [*rows[:50], "0.98,0,abc,0,0,0", *rows[51:]], "line 51, column 'y': expected a number"),
         (lambda rows: rows[:1], "found no rows"),
         (
