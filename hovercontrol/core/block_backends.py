@@ -296,7 +296,7 @@ class Backends:
         --------
         >>> import hovercontrol as hc
         >>> hc.vehicle("c17_simulation").plant().to_casadi().derivatives
-        Function(derivatives:(t,x[6],u[2],p[9])->(dx[6]) SXFunction)
+        Function(derivatives:(t,x[6],u[2],p[11])->(dx[6]) SXFunction)
         """
         from hovercontrol.targets.casadi import to_casadi
 

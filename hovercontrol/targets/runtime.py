@@ -78,7 +78,7 @@ def runtime_files(names: Iterable[str]) -> dict[str, str]:
     Examples
     --------
     >>> runtime_files(["hc_model.h"])["hc_model.h"].splitlines()[0][:30]
-    '/* What a generated model give'
+    '/* Interface of a generated mo'
     """
     folder = runtime_folder()
     return {name: (folder / name).read_text(encoding="utf-8") for name in names}
