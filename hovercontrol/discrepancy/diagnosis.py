@@ -173,14 +173,16 @@ class Diagnosis:
     yardsticks: tuple[Yardstick, ...] = ()
 
     def taken(self, equation: str) -> float:
-        """Return the gain of the named effects that act in an equation, in twice the log likelihood.
+        """Return the gain of the named effects that act in an equation or on commands.
+
+        In twice the log likelihood, in all equations together.
 
         Parameters
         ----------
         equation : str
             ``"r'"``.
         """
-        acting = {e.effect for e in self.effects if equation in e.acts_in.split()}
+        acting = {e.effect for e in self.effects if equation in e.acts_in.split() or "command" in e.acts_in}
         return sum(self.selection.gains[n] for n in acting)
 
     def why(self, effect: str) -> list[Decision]:

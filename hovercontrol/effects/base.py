@@ -39,9 +39,10 @@ class Effect:
     search tries the effect (``"any"``, ``"rudder"`` with a propeller and a rudder, ``"fan"``);
     ``instead_of`` names an effect that is the same on another craft: a model has one of the two; ``signal``
     is the input on which the effect acts, on a machine with its own inputs; ``axis`` the velocity in
-    whose equation alone it acts. ``drives`` marks an effect that turns its craft's actuators into
-    accelerations,
-    ``turns_fans`` that it needs the fans' torque with their forces turned, ``shifts_time`` that it only says
+    whose equation alone it acts; ``equation`` the state to whose derivative it adds its coefficient times a
+    form and nothing else, so that the forms of many are computed together. ``by_name`` says that a search
+    considers it only where it is named. ``drives`` marks an effect that turns its craft's actuators into
+    accelerations, ``turns_fans`` that it needs the fans' torque with their forces turned, ``shifts_time`` that it only says
     how late commands or measurements are, which no log tells apart; ``contains`` the kinds of effect that it
     becomes in a limit of its numbers; ``flexible`` that its many numbers also fit part of other effects, so
     that a search names it only where it leaves nothing but noise. ``mistaken_for`` names effects that a
@@ -76,6 +77,7 @@ class Effect:
     flexible: ClassVar[bool] = False
     mistaken_for: ClassVar[tuple[str, ...]] = ()
     before_curve: ClassVar[bool] = False
+    by_name: ClassVar[bool] = False
     same_as: ClassVar[str] = ""
 
     def __init_subclass__(cls, *, register: bool = True, **kwargs: Any) -> None:

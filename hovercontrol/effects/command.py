@@ -73,11 +73,12 @@ class FanSignalLag(Effect):
     """Signal of each fan that its speed follows with a lag of first order, before the static curve.
 
     A motor's speed lags, and its force follows the speed by the static curve: :class:`FanLag` acts on the
-    force. Without a curve the two are the same.
+    force. Without a curve the two are the same. A search considers it only where it is named: logs of real
+    fans hardly tell the two apart.
     """
 
     name, source, order, craft = "fan_signal_lag", "first order of a motor's speed", 3, "fan"
-    before_curve = True
+    before_curve, by_name = True, True
     seconds = Shape("s", lower=TINY, neutral=0.0, search=(0.03, 0.1, 0.3))
 
     def commands(self, c: Any, s: Any) -> dict[Signal, sp.Expr]:

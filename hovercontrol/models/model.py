@@ -190,7 +190,7 @@ class Model(EffectModel):
         have = {e.name for e in self.effects}
         named = (effect_class(name) for name in effect_names())
         known = (cls for cls in (*named, *self._of_fans().values()) if cls.name not in have)
-        return tuple(cls for cls in known if self.accepts(cls) and not cls.mistaken_for)
+        return tuple(cls for cls in known if self.accepts(cls) and not (cls.mistaken_for or cls.by_name))
 
     def coefficients(self) -> dict[str, float]:
         """Return all coefficients of the effects, and given gains of fans, by parameter name."""
