@@ -43,8 +43,8 @@ class Effect:
     form and nothing else, so that the forms of many are computed together. ``by_name`` says that a search
     considers it only where it is named. ``drives`` marks an effect that turns its craft's actuators into
     accelerations, ``turns_fans`` that it needs the fans' torque with their forces turned, ``shifts_time``
-    that it only says how late commands or measurements are, which no log tells apart; ``contains`` the kinds of effect that it
-    becomes in a limit of its numbers; ``flexible`` that its many numbers also fit part of other effects, so
+    that it only says how late commands or measurements are, which no log tells apart; ``contains`` the
+    kinds of effect that it becomes in a limit of its numbers; ``flexible`` that its many numbers also fit part of other effects, so
     that a search names it only where it leaves nothing but noise. ``mistaken_for`` names effects that a
     search might take it for: it is fitted in their place, and where it is surely likelier they are not named.
     It is itself named only where a search is asked for it. ``before_curve`` marks an effect that changes a
