@@ -36,20 +36,20 @@ class Effect:
     (``plant.yaw_coulomb``); others are ``name_attribute`` (``plant.yaw_coulomb_width``).
 
     ``order`` sorts effects that change commands or measurements; ``craft`` is the kind of craft on which a
-    search tries the effect (``"any"``, ``"rudder"`` with a propeller and a rudder, ``"fan"``);
-    ``instead_of`` names an effect that is the same on another craft: a model has one of the two; ``signal``
-    is the input on which the effect acts, on a machine with its own inputs; ``axis`` the velocity in
-    whose equation alone it acts; ``equation`` the state to whose derivative it adds its coefficient times a
-    form and nothing else, so that the forms of many are computed together. ``by_name`` says that a search
-    considers it only where it is named. ``drives`` marks an effect that turns its craft's actuators into
-    accelerations, ``turns_fans`` that it needs the fans' torque with their forces turned, ``shifts_time``
-    that it only says how late commands or measurements are, which no log tells apart; ``contains`` the
-    kinds of effect that it becomes in a limit of its numbers; ``flexible`` that its many numbers also fit part of other effects, so
-    that a search names it only where it leaves nothing but noise. ``mistaken_for`` names effects that a
-    search might take it for: it is fitted in their place, and where it is surely likelier they are not named.
-    It is itself named only where a search is asked for it. ``before_curve`` marks an effect that changes a
-    command as it is sent, before the static curve of a fan; ``same_as`` names an effect in another place
-    that no log of the machine tells apart.
+    search tries the effect (``"any"``, ``"rudder"`` with a propeller and a rudder, ``"fan"``); ``instead_of``
+    names an effect that is the same on another craft: a model has one of the two; ``signal`` is the input on
+    which the effect acts, on a machine with its own inputs; ``axis`` the velocity in whose equation alone it
+    acts; ``equation`` the state to whose derivative it adds its coefficient times a form and nothing else, so
+    that the forms of many are computed together. ``by_name`` says that a search considers it only where it is
+    named. ``drives`` marks an effect that turns its craft's actuators into accelerations, ``turns_fans`` that
+    it needs the fans' torque with their forces turned, ``shifts_time`` that it only says how late commands or
+    measurements are, which no log tells apart; ``contains`` the kinds of effect that it becomes in a limit of
+    its numbers; ``flexible`` that its many numbers also fit part of other effects, so that a search names it
+    only where it leaves nothing but noise. ``mistaken_for`` names effects that a search might take it for: it
+    is fitted in their place, and where it is surely likelier they are not named. It is itself named only
+    where a search is asked for it. ``before_curve`` marks an effect that changes a command as it is sent,
+    before the static curve of a fan; ``same_as`` names an effect in another place that no log of the machine
+    tells apart.
 
     A named subclass is known by its name everywhere; with ``register=False`` only to who holds the class.
 
