@@ -29,8 +29,7 @@ from hovercontrol.targets.casadi import import_casadi
 Array = NDArray[np.float64]
 Solver = Literal["rti", "ipopt"]
 
-#: Options of OSQP. Of CasADi's quadratic solvers it was the quickest, on 300 samples of C17's craft:
-#: 0.5 to 0.9 ms each; qrqp took 15 ms, and HPIPM did not converge.
+#: Options of OSQP, the quickest of CasADi's quadratic solvers on C17's craft (`python -m benchmarks mpc`).
 _OSQP = {
     "osqp": {"verbose": False, "eps_abs": 1e-5, "eps_rel": 1e-5, "max_iter": 2000},
     "error_on_fail": False,
