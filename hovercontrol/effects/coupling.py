@@ -64,8 +64,11 @@ class SwayMass(Effect):
 class CrossFlowDrag(Effect):
     """Drag of a hull or skirt across its motion: -k abs(v) v in sway and -c abs(v) r in yaw.
 
-    First order in r of the drag of strips at x along the hull, -abs(v + x r) (v + x r).
+    First order in r of the drag of strips at x along the hull, -abs(v + x r) (v + x r). A search considers it
+    only where it is named: its parts are sway_quadratic_drag and the law abs(v) r in r'.
     """
+
+    by_name = True
 
     name, source = (
         "cross_flow_drag",

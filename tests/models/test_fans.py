@@ -185,6 +185,7 @@ def test_an_effect_of_ones_own_sees_each_fan_as_it_is_sent_and_as_it_acts():
 SAME = {"thrust_lag", "input_delay"}
 RUDDER = {n for n in effect_names() if "rudder" in n} | {"thrust", "thrust_yaw_torque", "load_friction"}
 ASKED_FOR = {
+    "cross_flow_drag",
     "air_drag", "body_yaw_torque", "gyro_drift", "mass_drift", "surge_cubic_drag",
     "sway_cubic_drag", "yaw_cubic_drag",
 }  # fmt: skip
@@ -198,7 +199,7 @@ def test_a_search_tries_what_acts_on_the_craft():
     assert found == everything - FAN - ASKED_FOR - {e.name for e in rudder.effects}
     found = {cls.name for cls in fan.candidates()}
     each = {f"{f.name}_{what}" for f in fan.fans for what in ("gain", "curve")}
-    before = {"fan_signal_lag"}  # without a static curve it is the lag of the force
+    before = {"fan_signal_lag"}  # considered only where it is named
     assert found == (everything | each) - RUDDER - SAME - ASKED_FOR - before - {e.name for e in fan.effects}
     bare = {cls.name for cls in Model("puck").candidates()}
     assert not bare & (RUDDER | SAME | FAN | ASKED_FOR | {"battery_sag", "thrust_curve", "thrust_deadzone"})

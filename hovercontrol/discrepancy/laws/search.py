@@ -1,12 +1,13 @@
-"""The search for laws that are in no catalogue, where the catalogue leaves something.
+"""The search for laws that are in no catalogue, where the catalogue names nothing.
 
-The catalogue is searched first. Where something remains, all forms of the grammar are screened on one table
+The catalogue is searched first. Where it names nothing though something is missing, all forms of the grammar are screened on one table
 (:mod:`.screen`), and the few best are searched beside the catalogue by the same steps: fit, confirm,
 challenge, hold out.
 
 Among hundreds of forms one may stand for what has no form there: a load that swings makes thrust seem weaker
 in surge than in sway. So where a law leaves more than noise, the held-out logs, on which the choice did not
-depend, must show it by themselves (:func:`.searched.shown`); without such logs it is not named.
+depend, must show it by themselves (:func:`.searched.shown`), and it must take at least half
+(`criteria.most`) of the mean square of what is missing in its equation; else it is a lead.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from dataclasses import replace
 
 from hovercontrol.discrepancy.criteria import CRITERIA, Criteria
 from hovercontrol.discrepancy.evidence.of_effects import Evidence
+from hovercontrol.discrepancy.evidence.remainder import remainders
 from hovercontrol.discrepancy.evidence.sensors import only_noise
 from hovercontrol.discrepancy.laws.grammar import law_names
 from hovercontrol.discrepancy.laws.screen import LikelyLaw, screened
@@ -57,7 +59,7 @@ def with_laws(
         As for :func:`.select`.
     """
     selection = found.selection
-    if only_noise(selection.final, criteria) or len(selection.effects) >= max_effects:
+    if only_noise(selection.final, criteria) or selection.effects:
         return found
     names = law_names(selection.final.problem.model)
     report(f"screening {len(names)} laws")
@@ -89,7 +91,9 @@ def with_laws(
     named = [n for n in again.selection.effects if is_law(n)]
     if only_noise(again.selection.final, criteria):
         return again if named else found
-    doubtful = [n for n in named if not shown(again.evidence[n], criteria)]
+    share = {r.equation: r.share_explained for r in remainders(selection.final, again.selection.final)}
+    half = {n: share.get(f"{again.selection.final.model.effect(n).equation}'", 0.0) for n in named}
+    doubtful = [n for n in named if half[n] < criteria.most or not shown(again.evidence[n], criteria)]
     if named and not doubtful:
         return again
     leads = tuple(_unshown(again.evidence[n], n) for n in doubtful)
