@@ -1,6 +1,7 @@
 """The search for laws that are in no catalogue, where the catalogue names nothing.
 
-The catalogue is searched first. Where it names nothing though something is missing, all forms of the grammar are screened on one table
+The catalogue is searched first. Where it names nothing though something is missing, all forms of the grammar
+are screened on one table
 (:mod:`.screen`), and the few best are searched beside the catalogue by the same steps: fit, confirm,
 challenge, hold out.
 
