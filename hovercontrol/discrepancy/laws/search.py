@@ -1,9 +1,12 @@
-"""The search for laws that are in no catalogue, where the catalogue names nothing.
+"""The search for laws that are in no catalogue.
 
-The catalogue is searched first. Where it names nothing though something is missing, all forms of the grammar
-are screened on one table
-(:mod:`.screen`), and the few best are searched beside the catalogue by the same steps: fit, confirm,
+The catalogue is searched first. Where it leaves more than noise, all forms of the grammar are screened on one
+table (:mod:`.screen`), and the few best are searched beside the catalogue by the same steps: fit, confirm,
 challenge, hold out.
+
+A law stands in place of what the catalogue named, where it is surely likelier, and not beside it: beside a
+true name a form may stand for what has none. A law that promises less than half of what the names took is not
+fitted.
 
 Among hundreds of forms one may stand for what has no form there: a load that swings makes thrust seem weaker
 in surge than in sway. So where a law leaves more than noise, the held-out logs, on which the choice did not
@@ -25,7 +28,7 @@ from hovercontrol.discrepancy.laws.screen import LikelyLaw, screened
 from hovercontrol.discrepancy.search.candidates import catalogue
 from hovercontrol.discrepancy.search.challenge import surely
 from hovercontrol.discrepancy.search.confirm import Rival, Selection
-from hovercontrol.discrepancy.search.fit import Search, try_effect
+from hovercontrol.discrepancy.search.fit import TRIALS, Search, try_effect
 from hovercontrol.discrepancy.search.hold_out import HeldOut, held_out
 from hovercontrol.discrepancy.search.leads import Lead
 from hovercontrol.discrepancy.search.searched import shown
@@ -59,32 +62,26 @@ def with_laws(
     max_effects, criteria, report, trace
         As for :func:`.select`.
     """
-    selection = found.selection
-    if only_noise(selection.final, criteria) or selection.effects:
+    selection, base = found.selection, found.selection.base
+    if only_noise(selection.final, criteria):
         return found
-    names = law_names(selection.final.problem.model)
+    names = law_names(base.problem.model)
     report(f"screening {len(names)} laws")
-    screening = screened(selection.final, names, criteria, model)
+    screening = screened(base, names, criteria, model)
     few = screening.laws
     rows = [] if trace is None else trace
     rule, least = "gain of the law on left-out blocks, at least", criteria.least
     rows.extend(Decision("score", s.name, rule, s.gain, least, s.gain >= least) for s in few)
-    if not few:
+    taken = base.cost - selection.final.cost
+    if not few or few[0].gain < TRIALS.half * taken:
         return found
-    known = [cls.name for cls in catalogue(selection.final.problem.model)]
+    known = [cls.name for cls in catalogue(base.problem.model) if cls.name not in selection.effects]
     asked = [*known, *(s.name for s in few)]
     strict = _among(criteria, len(asked), len(known) + screening.tests)
     more = select(
-        selection.base,
-        model,
-        names=[*selection.effects, *asked],
-        max_effects=max_effects,
-        criteria=strict,
-        report=report,
-        trace=trace,
-        begun=selection,
+        base, model, names=asked, max_effects=max_effects, criteria=strict, report=report, trace=trace
     )
-    if not any(is_law(n) for n in more.effects):
+    if not any(is_law(n) for n in more.effects) or not _replaces(selection, more, criteria, rows):
         return found
     report("predicting the held-out logs with the laws")
     search = Search(model, None, strict, report, rows)
@@ -92,7 +89,7 @@ def with_laws(
     named = [n for n in again.selection.effects if is_law(n)]
     if only_noise(again.selection.final, criteria):
         return again if named else found
-    share = {r.equation: r.share_explained for r in remainders(selection.final, again.selection.final)}
+    share = {r.equation: r.share_explained for r in remainders(base, again.selection.final)}
     half = {n: share.get(f"{again.selection.final.model.effect(n).equation}'", 0.0) for n in named}
     doubtful = [n for n in named if half[n] < criteria.most or not shown(again.evidence[n], criteria)]
     if named and not doubtful:
@@ -108,6 +105,17 @@ def _unshown(own: Evidence, name: str) -> Lead:
         f"more is missing than this law, and held-out logs do not show it by themselves (gain {gain:.3g})"
     )
     return Lead(name, own.gain, own.blocks.t, reason, own.blocks.n)
+
+
+def _replaces(named: Selection, more: Selection, criteria: Criteria, rows: list[Decision]) -> bool:
+    """Return whether laws are surely likelier than what the catalogue named; as in a challenge."""
+    if not named.effects:
+        return True
+    gained = criteria.penalised(named.final) - criteria.penalised(more.final)
+    passed = gained > criteria.apart and surely(named.final, more.final) > criteria.apart_t
+    rule = f"gain in place of {', '.join(named.effects)}, over"
+    rows += [Decision("challenge", n, rule, gained, criteria.apart, passed) for n in more.effects]
+    return passed
 
 
 def _among(criteria: Criteria, asked: int, tests: float) -> Criteria:

@@ -55,7 +55,6 @@ def select(
     criteria: Criteria = CRITERIA,
     report: Callable[[str], None] = lambda what: None,
     trace: list[Decision] | None = None,
-    begun: Selection | None = None,
 ) -> Selection:
     """Return which effects a fitted model lacks.
 
@@ -73,16 +72,11 @@ def select(
         Called with a message on each trial.
     trace : list of Decision, optional
         Gets a row for each decision.
-    begun : Selection, optional
-        A search to go on from: its effects stay in the model and are confirmed again with the new ones.
     """
     search = Search(model, names, criteria, report, [] if trace is None else trace)
     current, steps = base, list[tuple[str, float]]()
     tried: dict[str, Tried] = {}
     counts: dict[str, int] = {}
-    if begun is not None:
-        base, current, counts = begun.base, begun.final, dict(begun.among)
-        steps = [(n, begun.gains[n]) for n in begun.effects]
     while True:
         report("scoring the catalogue")
         scores = Scores(current, candidates(current, names))

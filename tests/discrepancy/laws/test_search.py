@@ -83,11 +83,15 @@ def test_the_yardstick_gives_nothing_where_nothing_is_missing():
 
 
 @pytest.mark.slow
-def test_what_is_named_predicts_the_held_out_log():
-    """In these logs v follows r, and a drag of the catalogue stands for the law; beside it none is sought."""
+def test_the_law_is_named_in_place_of_a_drag_that_stands_for_it():
+    """In these logs v follows r, so that the catalogue alone names a quadratic drag and leaves something."""
     found = hc.diagnose(ship(), [log(0, -1.5), log(1, -1.5)], log(2, -1.5))
-    assert found.after.rms["r"] < 0.7 * found.before.rms["r"]
-    assert {e["kind"] for e in found.result()["effects"]} == {"effect"}
+    (own,) = found.effects
+    assert own.effect == "law_r__abs_v__r" and own.unit == "1/m"
+    assert own.value == pytest.approx(-1.5, abs=3 * own.std)
+    assert found.after.rms["r"] < 0.3 * found.before.rms["r"]
+    assert [e["kind"] for e in found.result()["effects"]] == ["law"]
+    assert "abs(v) r in r'" in str(found)
 
 
 def test_effective_tests_count_independent_columns_whole_and_equal_ones_once():
