@@ -46,7 +46,11 @@ class SwayMass(Effect):
     Kirchhoff's equations without the yaw moment (:class:`MunkMoment`), all forces X, Y per surge mass m11:
 
         u' = (m22/m11) v r + X,    v' = (m11/m22) (-u r + Y).
+
+    A search considers it only where it is named: a load that swings on a craft is another mass, too.
     """
+
+    by_name = True
 
     name, source = (
         "sway_mass",
@@ -69,7 +73,6 @@ class CrossFlowDrag(Effect):
     """
 
     by_name = True
-
     name, source = (
         "cross_flow_drag",
         "Fossen, Handbook of Marine Craft, 2nd ed., 6.4: cross-flow drag, strips",

@@ -185,7 +185,7 @@ def test_an_effect_of_ones_own_sees_each_fan_as_it_is_sent_and_as_it_acts():
 SAME = {"thrust_lag", "input_delay"}
 RUDDER = {n for n in effect_names() if "rudder" in n} | {"thrust", "thrust_yaw_torque", "load_friction"}
 ASKED_FOR = {
-    "cross_flow_drag",
+    "cross_flow_drag", "sway_mass",
     "air_drag", "body_yaw_torque", "gyro_drift", "mass_drift", "surge_cubic_drag",
     "sway_cubic_drag", "yaw_cubic_drag",
 }  # fmt: skip
