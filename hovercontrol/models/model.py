@@ -1,4 +1,4 @@
-"""A model: a craft as a list of effects (over 400 lines: one public class, half of it docstrings).
+"""A model: a craft as a list of effects (over 500 lines: one public class, half of it docstrings).
 
 Planar rigid-body motion plus that list is the plant.
 
