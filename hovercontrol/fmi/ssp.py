@@ -16,7 +16,7 @@ from xml.etree.ElementTree import Element, SubElement
 
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
-from hovercontrol.errors import InputError
+from hovercontrol.errors import InputError, shown
 from hovercontrol.fmi.exporter.description import xml_bytes
 from hovercontrol.fmi.exporter.export import export_fmu
 from hovercontrol.fmi.exporter.package import packed
@@ -264,7 +264,11 @@ def _values(element: Element, parsed: Any) -> dict[str, float]:
         for parameter in found.iter(f"{{{SSV}}}Parameter"):
             number = next((e.get("value") for e in parameter if e.get("value") is not None), None)
             if number is not None:
-                values[parameter.get("name", "")] = float({"true": 1, "false": 0}.get(number, number))
+                key = parameter.get("name", "")
+                try:
+                    values[key] = float({"true": 1, "false": 0}.get(number, number))
+                except ValueError:
+                    raise InputError(f"parameter {key!r}: expected a number, found {shown(number)}") from None
     return values
 
 

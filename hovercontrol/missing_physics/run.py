@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from hovercontrol import __version__
 from hovercontrol.analysis.intervals import clopper_pearson
 from hovercontrol.errors import InputError
 from hovercontrol.io.files import write_atomically
@@ -100,7 +101,10 @@ def _keep(file: Path, row: Row) -> None:
 
 
 def _file(kept: Path, name: str, tool: str) -> Path:
-    digest = hashlib.sha256(f"{name}\0{tool}".encode()).hexdigest()[:16]
+    """Return the file of a row; a tool whose file or package has changed has rows of its own."""
+    source = Path(tool.rpartition(".py:")[0] + ".py")
+    state = source.read_bytes() if source.is_file() else __version__.encode()
+    digest = hashlib.sha256(f"{name}\0{tool}\0".encode() + state).hexdigest()[:16]
     return kept / f"case-{digest}.json"
 
 
