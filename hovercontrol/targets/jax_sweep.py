@@ -56,7 +56,7 @@ def sweep(
     if chunk is not None and chunk < 1:
         raise InputError(f"chunk must be 1 or more, found {chunk}")
     given = sweep_of(block, times, params, x0, inputs, start, band)
-    go = functions.cached(("sweep", solver), lambda: jax.jit(_chunk_of(functions, solver), static_argnums=4))
+    go = functions.cached(("sweep", solver), lambda: jax.jit(_chunk_of(functions, solver), static_argnums=(4, 5)))
     results: tuple[NDArray[Any], ...] = given.results
     size = min(chunk or _chunk(len(times) * len(block.outputs)), len(given.x))
     parts: list[tuple[NDArray[np.intp], Plan]] = []
@@ -67,10 +67,10 @@ def sweep(
     def work(k: int) -> int:
         which, plan = parts[k]
         padded = np.resize(which, size) if len(parts) > 1 else which  # each chunk has the same shape
-        x, p = tuple(given.x[padded].T), _columns(given, padded)
-        found = go(x, p, plan, given.bands, given.counted)
+        x, p = _columns(given, padded)
+        found = go(x, p, plan, given.bands, given.counted, len(padded))
         for whole, part in zip(results, found, strict=True):
-            whole[which] = np.asarray(part)[: len(which)]
+            whole[_slice(which)] = np.asarray(part)[: len(which)]
         return len(which)
 
     in_threads(work, range(len(parts)), threads, progress)
@@ -84,29 +84,40 @@ def _chunk(numbers: int) -> int:
     return CPU_CHUNK if jax.default_backend() == "cpu" else max(1, int(GPU_MEMORY / (8 * max(numbers, 1))))
 
 
-def _columns(given: Sweep, which: NDArray[np.intp]) -> tuple[Any, ...]:
-    """Return the parameters: an array for each that differs among the runs, a number for each other."""
-    return tuple(
-        column[which] if name in given.parameters and np.ndim(given.params[name]) else column[0]
-        for name, column in zip(given.keys, given.p.T, strict=True)
+def _slice(which: NDArray[np.intp]) -> slice | NDArray[np.intp]:
+    """Return the indices as a slice if they follow one another, for then NumPy copies in one piece."""
+    first, last = int(which[0]), int(which[-1])
+    return slice(first, last + 1) if (np.diff(which) == 1).all() else which
+
+
+def _columns(given: Sweep, which: NDArray[np.intp]) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+    """Return states and parameters: an array for each that differs among the runs, a number for each other."""
+    part = _slice(which)
+    states = [s.name for s in given.block.states]
+    return (
+        tuple(c[part] if s in given.x0 else c[0] for s, c in zip(states, given.x.T, strict=True)),
+        tuple(
+            c[part] if key in given.parameters and np.ndim(given.params[key]) else c[0]
+            for key, c in zip(given.keys, given.p.T, strict=True)
+        ),
     )
 
 
 def _chunk_of(functions: JaxFunctions, solver: Solver) -> Callable[..., Any]:
-    """Return ``(x, p, plan, band, counted) -> (figures, last states, status)`` of a chunk of runs."""
+    """Return ``(x, p, plan, band, counted, runs) -> (figures, last states, status)`` of a chunk of runs."""
     import jax
 
     jnp, run = need_jax(), runner_of(functions.plain, solver, "outputs")
 
-    def chunk(x: Any, p: Any, plan: Plan, band: Any, counted: int) -> tuple[Any, Any, Any]:
+    def chunk(x: Any, p: Any, plan: Plan, band: Any, counted: int, runs: int) -> tuple[Any, Any, Any]:
+        x = tuple(jnp.broadcast_to(jnp.asarray(a, dtype=float), (runs,)) for a in x)
         if solver.method == "rk4":
             rows, last = run(x, p, plan)
         else:  # each run has its own steps
             own = tuple(0 if np.ndim(a) else None for a in p)
             rows, last = jax.vmap(lambda x, p: run(x, p, plan), (0, own), (1, 0))(x, p)
-        runs = x[0].shape if x else ()
-        last = jnp.stack(last, axis=-1) if last else jnp.zeros((*runs, 0))
-        y = jnp.stack(rows, axis=-1)[counted:] if rows else jnp.zeros((len(plan.t) - counted, *runs, 0))
+        last = jnp.stack(last, axis=-1) if last else jnp.zeros((runs, 0))
+        y = jnp.stack(rows, axis=-1)[counted:] if rows else jnp.zeros((len(plan.t) - counted, runs, 0))
         t = plan.t[counted:, 0]
         fine = jnp.isfinite(last).all(axis=-1) & jnp.isfinite(y).all(axis=(0, -1))
         # settling: the first time after the last one with |y(t) - y(t_end)| > band
