@@ -50,26 +50,32 @@ def rows() -> Iterator[tuple[str, str, str, bool | None]]:
     if not found:
         yield "no GPU that JAX can use is here: nothing is measured", "", "", None
         return
-    loop = sampled_loop()
-    for what, block, key, count, limit in (
-        ("6 states", loop, "controller.kp", LOOPS, 1.0),
-        ("83 states", systems()[0].block, "plant.yaw_linear_drag", LOOPS, 10.0),
+    for what, block, key, limit in (
+        ("6 states", sampled_loop(), "controller.kp", 1.0),
+        ("83 states", systems()[0].block, "plant.yaw_linear_drag", 10.0),
     ):
         functions, grid = block.to_jax(), np.array([0.0, 1000 * STEP])
-        middle = block.default_parameters[key]
-        values = np.linspace(0.8, 1.2, count) * middle
-        functions.sweep(grid, params={key: values}, step=STEP)  # compiles
+        params = {key: np.linspace(0.8, 1.2, LOOPS) * block.default_parameters[key]}
+        if "sensor.seed" in block.default_parameters:
+            params["sensor.seed"] = np.arange(1.0, LOOPS + 1)  # noise of its own in each loop
         begin = time.perf_counter()
-        result = functions.sweep(grid, params={key: values}, step=STEP)
-        seconds = time.perf_counter() - begin
+        functions.sweep(grid, params=params, step=STEP)
+        first, seconds = time.perf_counter() - begin, []
+        for _ in range(3):
+            begin = time.perf_counter()
+            result = functions.sweep(grid, params=params, step=STEP)
+            seconds.append(time.perf_counter() - begin)
         yield (
-            f"{count} loops of {what}, 1000 steps, {found[0].device_kind}",
-            f"{seconds:.2f} s",
+            f"{LOOPS} loops of {what}, 1000 steps, {found[0].device_kind}",
+            f"{min(seconds):.2f} s",
             f"<= {limit:g} s",
-            (seconds <= limit),
+            min(seconds) <= limit,
         )
-        some = np.linspace(0, count - 1, 16).astype(int)
-        cpu = block.compile().sweep(grid, params={key: values[some]}, method="rk4", step=STEP)
+        yield "the first time, with compilation", f"{first:.1f} s", "", None
+        some = np.linspace(0, LOOPS - 1, 16).astype(int)
+        cpu = block.compile().sweep(
+            grid, params={name: v[some] for name, v in params.items()}, method="rk4", step=STEP
+        )
         gap = float(np.abs(result.states_final[some] - cpu.states_final).max())
         yield "largest difference of the states from the CPU's", f"{gap:.1e}", "<= 1e-10", gap <= 1e-10
 

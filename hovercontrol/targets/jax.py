@@ -364,6 +364,8 @@ class _Printer(ArrayPrinter, JaxPrinter):
     def _print_Pow(self, expr: sp.Pow, rational: bool = False) -> str:
         # a small whole power is a product: jax.numpy.power of floats takes a logarithm
         base, exponent = expr.as_base_exp()
+        if expr.is_number:
+            return repr(float(expr))
         if exponent.is_Integer and 2 <= exponent <= 3:
             return "(" + "*".join([f"({self._print(base)})"] * int(exponent)) + ")"
         return str(super()._print_Pow(expr, rational=rational))

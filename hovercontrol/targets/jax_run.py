@@ -125,23 +125,10 @@ def runner_of(functions: JaxFunctions, solver: Solver, record: str) -> Callable[
     """
     import jax
 
-    block, jnp = functions.block, need_jax()
+    jnp = need_jax()
     outputs = functions.rows("outputs")
-    places = {s.name: k for k, s in enumerate(block.states)}
-    updates = [(functions.rows(k), [places[name] for name in t.updates]) for k, t in enumerate(block.ticks)]
     move = _rk4(functions) if solver.method == "rk4" else _dormand_prince(functions, solver)
-
-    def ticked(t: Any, x: State, u: State, p: State, due: Any) -> State:
-        for k, (function, at) in enumerate(updates):
-
-            def act(x: State, function: Any = function, at: list[int] = at) -> State:
-                new = list(x)
-                for place, value in zip(at, function(t, x, u, p), strict=True):
-                    new[place] = jnp.broadcast_to(value, x[place].shape).astype(float)
-                return tuple(new)
-
-            x = jax.lax.cond(due[k], act, lambda x: x, x)
-        return x
+    ticked = ticks_of(functions)
 
     def run(x: State, p: State, plan: Plan) -> tuple[State, State]:
         def row(x: State, each: Plan) -> tuple[State, State]:
@@ -172,11 +159,41 @@ def runner_of(functions: JaxFunctions, solver: Solver, record: str) -> Callable[
     return run
 
 
+def ticks_of(functions: JaxFunctions) -> Callable[..., State]:
+    """Return the ticks of an instant as ``(t, x, u, p, due) -> x``; `due` tells which are executed."""
+    import jax
+
+    block, jnp = functions.block, need_jax()
+    places = {s.name: k for k, s in enumerate(block.states)}
+    updates = [(functions.rows(k), [places[name] for name in t.updates]) for k, t in enumerate(block.ticks)]
+
+    def ticked(t: Any, x: State, u: State, p: State, due: Any) -> State:
+        for k, (function, at) in enumerate(updates):
+
+            def act(x: State, function: Any = function, at: list[int] = at) -> State:
+                new = list(x)
+                for place, value in zip(at, function(t, x, u, p), strict=True):
+                    new[place] = jnp.broadcast_to(value, x[place].shape).astype(float)
+                return tuple(new)
+
+            x = jax.lax.cond(due[k], act, lambda x: x, x)
+        return x
+
+    return ticked
+
+
+def condition_margin(block: Block) -> float:
+    """Return how far inside a step its first and last stage are evaluated, as a part of the step.
+
+    A condition on time changes at the ends of steps: each step takes the value that it has within it.
+    """
+    return INSIDE if switching_conditions(block) else 0.0
+
+
 def _rk4(functions: JaxFunctions) -> Callable[..., State]:
     """Return a step of the classical Runge-Kutta method as ``(t, h, x, u, p) -> x``."""
     f, n = functions.rows("moving"), functions.block.n_continuous
-    # a condition on time changes at the ends of steps: each step takes the value that it has within it
-    inside = INSIDE if switching_conditions(functions.block) else 0.0
+    inside = condition_margin(functions.block)
 
     def step(t: Any, h: Any, x: State, u: State, p: State) -> State:
         def ahead(part: Any, k: State) -> State:

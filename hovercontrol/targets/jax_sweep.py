@@ -12,6 +12,7 @@ from hovercontrol.core.delays import arrivals_of_runs
 from hovercontrol.errors import InputError
 from hovercontrol.simulation.given import checked_times
 from hovercontrol.targets.engines import checked_solver
+from hovercontrol.targets.jax_kernel import fits_kernel, kernel_runner
 from hovercontrol.targets.jax_needs import need_jax
 from hovercontrol.targets.jax_run import Plan, plan_of, runner_of
 from hovercontrol.targets.library import Solver
@@ -56,7 +57,9 @@ def sweep(
     if chunk is not None and chunk < 1:
         raise InputError(f"chunk must be 1 or more, found {chunk}")
     given = sweep_of(block, times, params, x0, inputs, start, band)
-    go = functions.cached(("sweep", solver), lambda: jax.jit(_chunk_of(functions, solver), static_argnums=(4, 5)))
+    go = functions.cached(
+        ("sweep", solver), lambda: jax.jit(_chunk_of(functions, solver), static_argnums=(4, 5))
+    )
     results: tuple[NDArray[Any], ...] = given.results
     size = min(chunk or _chunk(len(times) * len(block.outputs)), len(given.x))
     parts: list[tuple[NDArray[np.intp], Plan]] = []
@@ -91,7 +94,7 @@ def _slice(which: NDArray[np.intp]) -> slice | NDArray[np.intp]:
 
 
 def _columns(given: Sweep, which: NDArray[np.intp]) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
-    """Return states and parameters: an array for each that differs among the runs, a number for each other."""
+    """Return states and parameters: an array for each that differs among runs, a number for each other."""
     part = _slice(which)
     states = [s.name for s in given.block.states]
     return (
@@ -107,7 +110,9 @@ def _chunk_of(functions: JaxFunctions, solver: Solver) -> Callable[..., Any]:
     """Return ``(x, p, plan, band, counted, runs) -> (figures, last states, status)`` of a chunk of runs."""
     import jax
 
-    jnp, run = need_jax(), runner_of(functions.plain, solver, "outputs")
+    jnp = need_jax()
+    fused = solver.method == "rk4" and jax.default_backend() == "gpu" and fits_kernel(functions.plain.block)
+    run = kernel_runner(functions.plain) if fused else runner_of(functions.plain, solver, "outputs")
 
     def chunk(x: Any, p: Any, plan: Plan, band: Any, counted: int, runs: int) -> tuple[Any, Any, Any]:
         x = tuple(jnp.broadcast_to(jnp.asarray(a, dtype=float), (runs,)) for a in x)

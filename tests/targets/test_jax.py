@@ -155,3 +155,59 @@ def test_gradients_of_a_run_are_the_variational_sensitivities():
     found = jax.jit(jax.jacfwd(final))(values)
     ours = np.stack([np.asarray(found[name]) for name in names], axis=1)
     assert np.abs(ours - expected).max() < 1e-8 * np.abs(expected).max()
+
+
+# ---- the kernel of a GPU -----------------------------------------------------------------------------
+
+
+def _plan_and_values(block, key, runs):
+    from hovercontrol.core.delays import arrivals
+    from hovercontrol.simulation.given import input_rows
+    from hovercontrol.targets.engines import checked_solver
+    from hovercontrol.targets.jax_run import plan_of
+
+    functions, times = block.to_jax().plain, np.array([0.0, 0.03, 0.1])
+    values, solver = np.array(block.parameter_values()), checked_solver("rk4", 0.01, 1e-6, 1e-9)
+    plan = plan_of(
+        functions.block, times, arrivals(block, times, input_rows(block, None, times), values), values, solver
+    )
+    some = np.linspace(0.8, 1.2, runs) * block.default_parameters[key]
+    p = tuple(some if k == key else v for k, v in block.default_parameters.items())
+    x = tuple(jnp.full(runs, s.start) for s in block.states)
+    return functions, plan, x, p, times, {key: some}
+
+
+@pytest.mark.slow("kernel_with_ticks")
+@pytest.mark.parametrize(("block", "name"), [(LOOP, "yaw_linear_drag"), (sampled_loop(), "k")])
+def test_the_kernel_of_a_gpu_computes_what_compiled_runs_compute(block, name):
+    from hovercontrol.targets.jax_kernel import fits_kernel, kernel_runner
+
+    key = next(k for k in block.default_parameters if k.endswith(f".{name}"))
+    functions, plan, x, p, times, params = _plan_and_values(block, key, 40)  # no multiple of a warp
+    assert fits_kernel(functions.block)
+    rows, last = kernel_runner(functions, interpret=True)(x, p, plan)
+    expected = block.compile().sweep(times, params=params, method="rk4", step=0.01)
+    np.testing.assert_allclose(np.stack(last, axis=-1), expected.states_final, rtol=1e-12, atol=1e-14)
+    np.testing.assert_allclose(np.stack(rows, axis=-1)[-1], expected.final, rtol=1e-12, atol=1e-14)
+    np.testing.assert_allclose(np.stack(rows, axis=-1).max(axis=0), expected.maximum, rtol=1e-12, atol=1e-14)
+
+
+def test_the_kernel_compiles_for_a_gpu():
+    from hovercontrol.targets.jax_kernel import kernel_runner
+
+    decay = hc.Block(
+        "decay", [v := hc.Signal("v", "m/s", start=1.0)], [], [v], [k := hc.Signal("k", "1/s", start=2.0)],
+        {"v": -k.symbol * v.symbol},
+    )  # fmt: skip
+    functions, plan, x, p, *_ = _plan_and_values(decay, "decay.k", 32)
+    traced = jax.jit(lambda x, p: kernel_runner(functions)(x, p, plan)).trace(x, p)
+    assert "triton" in traced.lower(lowering_platforms=("cuda",)).as_text()
+
+
+def test_a_block_with_a_table_has_no_kernel():
+    from hovercontrol.core.lookup import linear
+    from hovercontrol.targets.jax_kernel import fits_kernel
+
+    v = hc.Signal("v", "m/s")
+    table = hc.Block("t", [v], [], [v], [], {"v": linear(v.symbol, [0.0, 1.0, 2.0], [0.0, 1.0, 4.0])})
+    assert not fits_kernel(table)
