@@ -133,20 +133,20 @@ def _rk4(functions: JaxFunctions) -> Callable[..., State]:
     margin = condition_margin(functions.block)
 
     def step(t: Any, h: Any, x: State, u: State, p: State) -> State:
-        # k_i = f(t + c_i h, x + c_i h k_(i-1)), x(t + h) = x + h sum_i b_i k_i
-        # c = (0, 1/2, 1/2, 1), b = (1/6, 1/3, 1/3, 1/6)
+        # k_i = f(t + c_i, x + c_i k_(i-1)), x(t + h) = x + sum_i b_i k_i
+        # c = (0, h/2, h/2, h), b = (h/6, h/3, h/3, h/6)
         def stage(i: Any, carry: tuple[State, State]) -> tuple[State, State]:
             k, total = carry
             first, last = i == 0, i == 3
-            c = jnp.where(first, 0.0, jnp.where(last, 1.0, 0.5))
-            b = jnp.where(first | last, 1.0, 2.0) / 6
-            at = t + h * jnp.where(first, margin, jnp.where(last, 1.0 - margin, 0.5))
-            ahead = (*(a + c * h * v for a, v in zip(x, k, strict=False)), *x[n:])
+            c = jnp.where(first, 0.0 * h, jnp.where(last, h, 0.5 * h))
+            b = jnp.where(first | last, h * (1 / 6), h * (1 / 3))
+            at = t + jnp.where(first, margin * h, jnp.where(last, (1.0 - margin) * h, 0.5 * h))
+            ahead = (*(a + c * v for a, v in zip(x, k, strict=False)), *x[n:])
             k = tuple(jnp.broadcast_to(jnp.asarray(v, dtype=float), t.shape) for v in f(at, ahead, u, p))
             return k, tuple(a + b * v for a, v in zip(total, k, strict=True))
 
         zeros = tuple(jnp.zeros(t.shape) for _ in range(n))
-        _, slope = jax.lax.fori_loop(0, 4, stage, (zeros, zeros))
-        return (*(a + h * v for a, v in zip(x, slope, strict=False)), *x[n:])
+        _, ahead = jax.lax.fori_loop(0, 4, stage, (zeros, x[:n]))
+        return (*ahead, *x[n:])
 
     return step

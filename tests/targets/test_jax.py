@@ -208,6 +208,7 @@ def test_a_block_with_a_table_has_no_kernel():
     from hovercontrol.core.lookup import linear
     from hovercontrol.targets.jax_kernel import fits_kernel
 
-    v = hc.Signal("v", "m/s")
-    table = hc.Block("t", [v], [], [v], [], {"v": linear(v.symbol, [0.0, 1.0, 2.0], [0.0, 1.0, 4.0])})
+    a, b = hc.Signal("a", "1"), hc.Signal("b", "1")
+    curve = linear(a.symbol, [0.0, 1.0, 2.0], [0.0, 1.0, 4.0])
+    table = hc.Block("t", [], [a], [b], [], output_expressions={"b": curve})
     assert not fits_kernel(table)
