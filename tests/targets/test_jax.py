@@ -205,10 +205,10 @@ def test_the_kernel_compiles_for_a_gpu():
 
 
 def test_a_block_with_a_table_has_no_kernel():
-    from hovercontrol.core.lookup import linear
+    from hovercontrol.core.lookup import Entries, entry
     from hovercontrol.targets.jax_kernel import fits_kernel
 
     a, b = hc.Signal("a", "1"), hc.Signal("b", "1")
-    curve = linear(a.symbol, [0.0, 1.0, 2.0], [0.0, 1.0, 4.0])
-    table = hc.Block("t", [], [a], [b], [], output_expressions={"b": curve})
+    squares = entry(a.symbol, Entries("squares", [0.0, 1.0, 4.0]))
+    table = hc.Block("t", [], [a], [b], [], output_expressions={"b": squares})
     assert not fits_kernel(table)
