@@ -1,4 +1,5 @@
-/* For a generated lanes.c, after math.h: functions that the compiler can compute for many lanes at once. */
+/* For a generated lanes.c, after math.h: functions that the compiler can compute for many lanes at once. For them these
+ * are faster than hc_math.h. */
 #ifndef HC_LANES_MATH_H
 #define HC_LANES_MATH_H
 
@@ -23,15 +24,12 @@ HC_VECTOR(exp, (double))
 HC_VECTOR(log, (double))
 HC_VECTOR(atan2, (double, double))
 HC_VECTOR(pow, (double, double))
-#define sin hc_sin
-#define cos hc_cos
 #define tan hc_tan
 #define asin hc_asin
 #define acos hc_acos
 #define atan hc_atan
 #define sinh hc_sinh
 #define cosh hc_cosh
-#define tanh hc_tanh
 #define exp hc_exp
 #define log hc_log
 #define atan2 hc_atan2
