@@ -8,28 +8,11 @@
 #define HC_MATH_H
 
 #include <math.h>
-#include <stdint.h>
-#include <string.h>
+
+#include "hc_exp.h"
 
 /* Larger angles [rad], infinities and NaN go to the mathematics library: 2^20 pi/2. */
 #define HC_ANGLE_LIMIT 1647099.0
-
-/* Adding this rounds to a whole number, which is then in the low bits. */
-#define HC_ROUNDER 0x1.8p52
-
-static inline uint64_t hc_bits(double value)
-{
-    uint64_t bits;
-    memcpy(&bits, &value, sizeof bits);
-    return bits;
-}
-
-static inline double hc_of_bits(uint64_t bits)
-{
-    double value;
-    memcpy(&value, &bits, sizeof value);
-    return value;
-}
 
 /* `value` with its sign changed if bit 1 of `turns` is set */
 static inline double hc_signed(double value, uint64_t turns)
@@ -81,20 +64,14 @@ static inline double hc_cos(double x)
     return fabs(x) <= HC_ANGLE_LIMIT ? value : cos(x);
 }
 
-/* tanh|x| = e/(e + 2), e = exp(2|x|) - 1 = 2^k (exp(r) - 1) + 2^k - 1, |r| <= ln(2)/2, with exp(r) - 1 by its Taylor
- * series to r^13; `e_rest` and `d_rest` are what rounding took from e and d = e + 2. */
+/* tanh|x| = e/d, e = exp(2|x|) - 1, d = e + 2; `e_rest` and `d_rest` are what rounding took from e and d. */
 static inline double hc_tanh(double x)
 {
     const double y = 2.0 * fabs(x);
     if (y >= 40.0)
         return copysign(1.0, x);
-    const double rounded = y * 1.44269504088896338700e+00 + HC_ROUNDER, k = rounded - HC_ROUNDER;
-    const double r = (y - k * 6.93147180369123816490e-01) - k * 1.90821492927058770002e-10;
-    const double r2 = r * r, r4 = r2 * r2, power = hc_of_bits((hc_bits(rounded) + 1023) << 52);
-    const double low = (1.0 / 2 + r * (1.0 / 6)) + r2 * (1.0 / 24 + r * (1.0 / 120));
-    const double middle = (1.0 / 720 + r * (1.0 / 5040)) + r2 * (1.0 / 40320 + r * (1.0 / 362880));
-    const double high = (1.0 / 3628800 + r * (1.0 / 39916800)) + r2 * (1.0 / 479001600 + r * (1.0 / 6227020800.0));
-    const double curve = r2 * (low + r4 * (middle + r4 * high)), p = r + curve, p_rest = (r - p) + curve;
+    const hc_exp_parts parts = hc_exp_of(y);
+    const double p = parts.r + parts.curve, p_rest = (parts.r - p) + parts.curve, power = parts.power;
     const double e = power * p + (power - 1.0), e_rest = (((power - 1.0) - e) + power * p) + power * p_rest;
     const double d = e + 2.0, d_rest = e < 2.0 ? (2.0 - d) + e : (e - d) + 2.0, ratio = e / d;
     return copysign(ratio + (e_rest - ratio * (e_rest + d_rest)) * (1.0 / d), x);
