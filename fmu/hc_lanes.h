@@ -16,8 +16,8 @@ enum { HC_LANES = 8 };
 typedef void (*hc_lanes_function)(const double *t, const double *x, const double *u, const double *p, const double *mode,
                                   double *dx);
 
-/* Defined by a generated lanes.c; NULL if vectors are no faster. Sines and other functions are those of glibc's
- * libmvec, with errors up to 4 units in the last place; all else is computed as for a single point. */
+/* Defined by a generated lanes.c; NULL if vectors are no faster. Functions such as sine have errors up to 4
+ * units in the last place; see hc_lanes_math.h. */
 extern const hc_lanes_function hc_model_lanes;
 
 typedef struct hc_lanes hc_lanes;

@@ -5,19 +5,24 @@ from __future__ import annotations
 import sympy as sp
 from sympy.printing.c import C99CodePrinter
 
+#: Functions of the runtime, hc_math.h, in place of those of math.h.
+_OWN = {name: f"hc_{name}" for name in ("sin", "cos", "tanh")}
+
 
 class CPrinter(C99CodePrinter):
-    """C99 printer that writes numbers with 17 digits and small powers as products.
+    """C99 printer that writes numbers with 17 digits, small powers as products, and calls of hc_math.h.
 
     Examples
     --------
     >>> x, y = sp.symbols("x y")
     >>> CPrinter().doprint(x**2 + sp.Mod(x, y) / 3)
     '((x)*(x)) + (1.0/3.0)*(((x) - (y)*floor((x)/(y))))'
+    >>> CPrinter().doprint(sp.tanh(x) + sp.exp(x))
+    'exp(x) + hc_tanh(x)'
     """
 
     def __init__(self) -> None:
-        super().__init__({"precision": 17, "math_macros": {}})  # C99 has no M_PI
+        super().__init__({"precision": 17, "math_macros": {}, "user_functions": _OWN})  # C99 has no M_PI
 
     def _print_NumberSymbol(self, expr: sp.NumberSymbol) -> str:
         return str(self._print(expr.evalf(17)))

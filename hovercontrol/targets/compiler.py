@@ -39,6 +39,12 @@ FLAGS = (
 )
 #: Flags that allow vector instructions for several lanes; the processor's exception flags are not used.
 _LANES = ("-fno-trapping-math", "-fopenmp-simd", "-DHC_SIMD")
+#: Flags by what the processor has, the best first. The last two are for the code of lanes, hc_lanes_math.h.
+_PROCESSORS = {
+    ("-mavx2", "-DHC_FMA", "-DHC_AVX512"): {"avx2", "fma", "avx512f", "avx512dq", "avx512vl"},
+    ("-mavx2", "-DHC_FMA"): {"avx2", "fma"},
+    ("-mavx2",): {"avx2"},
+}
 #: Time limits [s] after which a compiler counts as broken: for printing its version, and for compiling. Zig
 #: first builds the C library of each target machine, which took two minutes on a busy computer.
 VERSION_SECONDS, COMPILE_SECONDS = 20.0, 300.0
@@ -175,8 +181,10 @@ def local_flags() -> tuple[str, ...]:
     """
     info = Path("/proc/cpuinfo")
     with contextlib.suppress(OSError):
-        if platform.machine() == "x86_64" and " avx2 " in info.read_text(encoding="utf-8"):
-            return (*FLAGS, *_LANES, "-mavx2")
+        known = info.read_text(encoding="utf-8").split() if platform.machine() == "x86_64" else []
+        for flags, needed in _PROCESSORS.items():
+            if needed <= {*known}:
+                return (*FLAGS, *_LANES, *flags)
     return (*FLAGS, *_LANES)
 
 

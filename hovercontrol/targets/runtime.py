@@ -6,12 +6,13 @@ from collections.abc import Iterable
 from pathlib import Path
 
 _SOLVER = (
-    *("hc_names.h", "hc_options.h", "hc_numbers.h", "hc_model.h", "hc_rk4.h", "hc_steps.h"),
+    *("hc_names.h", "hc_options.h", "hc_numbers.h", "hc_exp.h", "hc_math.h", "hc_model.h"),
+    *("hc_rk4.h", "hc_steps.h"),
     *("hc_solver.h", "hc_solver_internal.h", "hc_solver.c", "hc_solver_state.c", "hc_step_length.c"),
     *("hc_methods.h", "hc_methods.c", "hc_dense.c", "hc_events.c"),
     *("hc_friction.h", "hc_friction.c", "hc_ticks.h", "hc_ticks.c"),
 )
-_LANES = ("hc_lanes.h", "hc_lanes_math.h")
+_LANES = ("hc_exp.h", "hc_lanes.h", "hc_lanes_math.h")
 #: Simulations, sweeps and stepwise simulations of a compiled Block.
 SIMULATION = (
     *_SOLVER, *_LANES, "hc_lanes.c", "hc_runs.h",
@@ -23,7 +24,7 @@ SHOOTING = (
     *("hc_slopes.h", "hc_shoot.h", "hc_shoot.c"),
 )  # fmt: skip
 #: States that follow from given signals.
-FOLLOWING = ("hc_follow.h", "hc_follow.c")
+FOLLOWING = ("hc_exp.h", "hc_math.h", "hc_follow.h", "hc_follow.c")
 #: An instance of an FMU, for every version of FMI.
 INSTANCE = (
     *_SOLVER, "hc_description.h", "hc_delays.h", "hc_instance.h", "hc_instance_internal.h",

@@ -68,6 +68,22 @@ def test_a_sampled_controller_a_delay_and_noise_are_as_in_a_compiled_run(method)
     np.testing.assert_allclose(found.outputs, expected.outputs, rtol=1e-12, atol=1e-12)
 
 
+def test_the_error_of_runge_kutta_falls_sixteenfold_when_the_step_is_halved():
+    """x' = x cos(t), x = exp(sin(t)); and a pendulum's small swing with it, x'' = -x."""
+    import sympy as sp
+
+    rate, (x, y, v) = hc.Signal("rate", "1/s", start=1.0), (hc.Signal(n) for n in "xyv")
+    r = rate.symbol
+    slopes = {"x": r * x.symbol * sp.cos(r * time), "y": r * v.symbol, "v": -r * y.symbol}
+    states = [x.replace(start=1.0), y.replace(start=1.0), v]
+    block = hc.Block("smooth", states, [], states, [rate], slopes)
+    t = np.linspace(0.0, 4.0, 5)
+    exact = np.array([np.exp(np.sin(t)), np.cos(t), -np.sin(t)])
+    run = block.to_jax().simulate
+    errors = [np.abs(run(t, method="rk4", step=h).states - exact).max(axis=1) for h in (0.1, 0.05, 0.025)]
+    np.testing.assert_allclose(np.divide(errors[:-1], errors[1:]), 16.0, rtol=0.15)
+
+
 def test_a_switch_at_a_set_time_is_not_stepped_over():
     import sympy as sp
 
