@@ -60,10 +60,10 @@ def stage_of(
             raise InputError(f"{name}: limits: {key}: expected (lower, upper), found ({low!r}, {high!r})")
         lower[key], upper[key] = float(low), float(high)
     where, circles = _circles(name, states, position, obstacles, planar)
-    low_u, high_u, rate = (
-        np.array([of[k] for k in inputs], dtype=np.float64) for of in (lower, upper, rates)
-    )
-    low_x, high_x = (np.array([of[k] for k in states], dtype=np.float64) for of in (lower, upper))
+
+    def row(of: Mapping[str, float], names: Sequence[str]) -> Array:
+        return np.array([of[key] for key in names], dtype=np.float64)
+
     grown = circles + np.array([0.0, 0.0, finite(f"{name}: clearance", clearance)])
     n = substeps_of(name, plant, period, substeps)
     values = plant.parameter_values(params)
