@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from hovercontrol.animation.animate import animate
     from hovercontrol.animation.path import plot_path
     from hovercontrol.controllers import gain_scheduled, lqi, lqr, pid, place, tracking_controller
+    from hovercontrol.controllers.minimum_time import minimum_time
     from hovercontrol.controllers.mpc import mpc
     from hovercontrol.controllers.references import circle, ellipse, figure_eight, line, waypoints
     from hovercontrol.core.block import Block
@@ -120,6 +121,7 @@ __all__ = [
     "gain_scheduled",
     "pid",
     "mpc",
+    "minimum_time",
     "ellipse",
     "circle",
     "line",

@@ -1,8 +1,7 @@
 """Model predictive control of any Block, in real time: one step of SQP at each sample, or IPOPT.
 
-At each sample the problem of :mod:`hovercontrol.controllers.shooting` is linearised at the previous solution,
-shifted by one period, and one quadratic program is solved (real-time iteration: Diehl, Bock and Schloeder,
-SIAM Journal on Control and Optimization 43 (2005)). All derivatives are exact, by CasADi.
+:mod:`.shooting` writes the problem of a sample, :mod:`.optimizer` solves it; :class:`MPC` keeps the last
+solution and runs in loops.
 """
 
 from __future__ import annotations
@@ -10,56 +9,22 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from functools import cached_property
-from typing import Literal, NamedTuple
 
 import numpy as np
 from control import NonlinearIOSystem, TimeResponseData, nlsys
 from numpy.typing import ArrayLike, NDArray
 
-from hovercontrol.controllers.detour import Way, way_around
+from hovercontrol.controllers.optimizer import Memory, Optimizer, Solver
 from hovercontrol.controllers.shooting import Stage, transcribe
+from hovercontrol.controllers.way_reference import WayReference
 from hovercontrol.core.arguments import as_row, at_least
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.io.tables import positive
 from hovercontrol.simulation.trajectory import time_response
-from hovercontrol.targets.casadi import import_casadi
 
 Array = NDArray[np.float64]
-Solver = Literal["rti", "ipopt"]
-
-#: Options of OSQP, the quickest of CasADi's quadratic solvers on C17's craft (`python -m benchmarks mpc`).
-_OSQP = {
-    "osqp": {"verbose": False, "eps_abs": 1e-5, "eps_rel": 1e-5, "max_iter": 2000},
-    "error_on_fail": False,
-}
-_IPOPT = {
-    "ipopt": {"print_level": 0, "sb": "yes", "max_iter": 200},
-    "print_time": False,
-    "error_on_fail": False,
-}
-
-
-class Memory(NamedTuple):
-    """What the controller keeps from sample to sample.
-
-    Parameters
-    ----------
-    w : ndarray
-        The last solution, shape (n_unknowns,).
-    u : ndarray, shape (n_inputs,)
-        The last input [unit].
-    progress : float
-        Length along the waypoints' path [m].
-    started : bool
-        False before the first sample.
-    """
-
-    w: Array
-    u: Array
-    progress: float
-    started: bool
 
 
 class MPC:
@@ -102,33 +67,16 @@ class MPC:
         solver: Solver,
         name: str,
     ) -> None:
-        ca = import_casadi()
-        self.stage, self.name, self.solver, self.speed = stage, name, solver, speed
+        self.stage, self.name, self.solver = stage, name, solver
         self._every = np.flatnonzero(weights[0]).tolist()
         self.tracked = tuple(stage.plant.states[i].name for i in self._every)
-        self._waypoints, self._way = waypoints, None if waypoints is None else Way(waypoints)
+        names = [s.name for s in stage.plant.states]
+        at = names.index(heading) if heading in names else -1
+        self._way = None if waypoints is None else WayReference(stage, waypoints, speed, at)
         self.problem = transcribe(stage, horizon, weights, final, self._every)
         self._step = stage.step(stage.period)
-        names = [s.name for s in stage.plant.states]
-        self._heading = names.index(heading) if heading in names else -1
+        self._optimizer = Optimizer(self.problem, solver, self._step.is_a("SXFunction"))
         self._angles = np.array([stage.plant.states[i].unit == "rad" for i in self._every])
-        nlp = self.problem.nlp
-        if solver == "ipopt":
-            self._ipopt = ca.nlpsol("mpc", "ipopt", nlp, _IPOPT)
-        else:
-            hessian, gradient = ca.hessian(nlp["f"], nlp["x"])
-            jacobian = ca.jacobian(nlp["g"], nlp["x"])
-            # f is quadratic and its Hessian constant; f = f(0) + c'w + w'Hw/2 with c = f'(w) - H w
-            self._hessian = ca.Function("h", [], [hessian])()["o0"]
-            linear = ca.Function(
-                "linear", [nlp["x"], nlp["p"]],
-                [gradient - hessian @ nlp["x"], nlp["g"] - jacobian @ nlp["x"], jacobian],
-            )  # fmt: skip
-            self._linear = (
-                linear.expand() if self._step.is_a("SXFunction") else linear
-            )  # nearly twice as fast
-            shapes = {"h": self._hessian.sparsity(), "a": jacobian.sparsity()}
-            self._qp = ca.conic("qp", "osqp", shapes, _OSQP)
         self.reset()
 
     def __repr__(self) -> str:
@@ -146,8 +94,8 @@ class MPC:
     def reset(self) -> None:
         """Forget the previous samples."""
         self._memory = self._fresh
-        if self._waypoints is not None:
-            self._way = None
+        if self._way:
+            self._way.reset()
 
     @cached_property
     def _fresh(self) -> Memory:
@@ -205,7 +153,7 @@ class MPC:
     def _solve(self, memory: Memory, x0: Array, given: Mapping[str, Array]) -> tuple[Array, Memory]:
         progress, r = self._references(memory.progress, x0, given)
         w = self._shifted(memory, x0)
-        found = self._optimum(w, np.r_[x0, memory.u], r.ravel(order="F"))
+        found = self._optimizer.optimum(w, np.r_[x0, memory.u], r.ravel(order="F"))
         if not np.isfinite(found).all():
             raise InputError(f"{self.name}: no finite solution from the state {x0.tolist()}")
         # the solver meets the limits to its tolerance; the command meets them exactly
@@ -216,22 +164,6 @@ class MPC:
         )
         first = np.clip(found[self.problem.inputs[0]], low, high)
         return first, Memory(found, first, progress, True)
-
-    def _optimum(self, w: Array, start: Array, p: Array) -> Array:
-        """Return the solution from a guess w, with the present state and input."""
-        q, n = self.problem, start.size
-        lower, upper = q.lbx.copy(), q.ubx.copy()
-        lower[:n] = upper[:n] = start
-        if self.solver == "ipopt":
-            result = self._ipopt(x0=w, p=p, lbx=lower, ubx=upper, lbg=q.lbg, ubg=q.ubg)
-        else:
-            gradient, rest, jacobian = self._linear(w, p)
-            rest = np.asarray(rest).ravel()
-            result = self._qp(
-                h=self._hessian, g=gradient, a=jacobian, lba=q.lbg - rest, uba=q.ubg - rest,
-                lbx=lower, ubx=upper, x0=w,
-            )  # fmt: skip
-        return np.asarray(result["x"]).ravel()
 
     def _shifted(self, memory: Memory, x0: Array) -> Array:
         """Return the previous solution one period later; at first, the motion with constant inputs."""
@@ -248,23 +180,14 @@ class MPC:
         return problem.join(np.array(motion), u, memory.u)
 
     def _references(self, progress: float, x0: Array, given: Mapping[str, Array]) -> tuple[float, Array]:
-        N, stage = self.problem.horizon, self.stage
+        N = self.problem.horizon
+        rows: dict[int, Array] = {}
         r = np.zeros((len(self._every), N + 1))
-        if self._waypoints is not None:
-            here = x0[list(stage.position)]
-            if self._way is None:
-                larger = stage.obstacles
-                self._way = way_around(np.vstack([here, self._waypoints]), larger)
-            reach = self.speed * stage.period
-            progress = self._way.nearest(here, progress, progress + max(5 * reach, 0.25))
-            ahead = self._way.at(progress + np.arange(1.0, N + 2.0) * reach)
-            rows = dict(zip(stage.position, ahead, strict=True))
-            # the heading points to the way's point a horizon ahead, as the line of sight does
-            goal = self._way.ahead(progress + reach * (N + 1)) - here
-            rows[self._heading] = np.full(N + 1, math.atan2(goal[1], goal[0]))
-            for i, row in rows.items():
-                if i in self._every:
-                    r[self._every.index(i)] = row
+        if self._way:
+            progress, rows = self._way.rows(progress, x0, N)
+        for i, row in rows.items():
+            if i in self._every:
+                r[self._every.index(i)] = row
         for key, values in given.items():
             r[self.tracked.index(key)] = values
         # an angle and its reference differ by less than half a turn now
@@ -287,7 +210,7 @@ class MPC:
             Name of the system (default: the controller's).
         """
         states = [s.name for s in self.plant.states]
-        wanted = [] if self._waypoints is not None else [f"{key}_ref" for key in self.tracked]
+        wanted = [] if self._way else [f"{key}_ref" for key in self.tracked]
         fresh = self._fresh
         n_w, m = fresh.w.size, fresh.u.size
         last: dict[bytes, tuple[Array, Array]] = {}

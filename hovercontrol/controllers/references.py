@@ -251,25 +251,57 @@ def waypoints(points: ArrayLike, times: ArrayLike, name: str = "reference") -> B
         PPoly.from_spline(make_interp_spline(knots, path[:, axis], k=5, bc_type=(rest, rest)))
         for axis in (0, 1)
     ]
-    metre = Signal("metre", "m", "length unit of the spline's coefficients", start=1.0)
-    second = Signal("second", "s", "time unit of the spline's coefficients", start=1.0, lower=1e-9)
-    curves = [
-        _piecewise(splines[axis], path[:, axis], knots, second.symbol) * metre.symbol for axis in (0, 1)
-    ]
-    return from_position(curves[0], curves[1], (metre, second), name)
+    ends = [(path[0, axis], path[-1, axis]) for axis in (0, 1)]
+    return from_pieces([(p.x, p.c) for p in splines], ends, name)
 
 
-def _piecewise(spline: Any, path: np.ndarray, knots: np.ndarray, second: sp.Symbol) -> sp.Expr:
+def from_pieces(
+    curves: Sequence[tuple[np.ndarray, np.ndarray]], ends: Sequence[tuple[float, float]], name: str
+) -> Block:
+    """Return the reference along x and y given as polynomials over time.
+
+    Parameters
+    ----------
+    curves : sequence of (knots, coefficients)
+        Of x and y [m], as for :func:`piecewise`.
+    ends : sequence of (float, float)
+        Of x and y before and after them [m].
+    """
+    metre = Signal("metre", "m", "length unit of the coefficients", start=1.0)
+    second = Signal("second", "s", "time unit of the coefficients", start=1.0, lower=1e-9)
+    x, y = (
+        piecewise(*curve, outside, second.symbol) * metre.symbol
+        for curve, outside in zip(curves, ends, strict=True)
+    )
+    return from_position(x, y, (metre, second), name)
+
+
+def piecewise(
+    knots: np.ndarray, coefficients: np.ndarray, ends: tuple[float, float], second: sp.Symbol
+) -> sp.Expr:
+    """Return a curve of polynomials over time, constant before and after them, as an expression.
+
+    Parameters
+    ----------
+    knots : ndarray, shape (n + 1,)
+        Begins of the pieces and the last end [s]; a piece of no length is left out.
+    coefficients : ndarray, shape (degree + 1, n)
+        Of each piece in the time since its begin, the highest power first.
+    ends : tuple of 2 float
+        Values before and after.
+    second : sympy.Symbol
+        A second, which makes time dimensionless.
+    """
     now = time / second
-    pieces: list[tuple[sp.Expr, object]] = [(sp.Float(path[0]), now < knots[0])]
-    for k in range(len(spline.x) - 1):
-        if spline.x[k + 1] > spline.x[k]:
-            local = now - float(spline.x[k])
-            value = sp.Float(spline.c[0, k])
-            for coefficient in spline.c[1:, k]:
+    pieces: list[tuple[sp.Expr, object]] = [(sp.Float(ends[0]), now < knots[0])]
+    for begin, end, row in zip(knots, knots[1:], coefficients.T, strict=False):
+        if end > begin:
+            local = now - float(begin)
+            value = sp.Float(row[0])
+            for coefficient in row[1:]:
                 value = value * local + sp.Float(coefficient)
-            pieces.append((value, now < float(spline.x[k + 1])))
-    return sp.Piecewise(*pieces, (sp.Float(path[-1]), True))
+            pieces.append((value, now < float(end)))
+    return sp.Piecewise(*pieces, (sp.Float(ends[1]), True))
 
 
 def _number(name: str, value: Any) -> float:

@@ -75,12 +75,19 @@ class Stage:
         duration : float, optional
             h as a constant (default: an argument).
         """
+        return self._integrated(duration, last=True)
+
+    def path(self) -> Any:
+        """Return ``X(x, u, h)``, the states after each Runge-Kutta step, shape (n_states, substeps)."""
+        return self._integrated(None, last=False)
+
+    def _integrated(self, duration: float | None, *, last: bool) -> Any:
         ca = import_casadi()
         f = self.plant.to_casadi().derivatives
         kind = ca.SX if f.is_a("SXFunction") else ca.MX
         x0, u, h = kind.sym("x", f.size1_in("x")), kind.sym("u", f.size1_in("u")), kind.sym("h")
         p, dt = ca.DM(list(self.parameters)), (h if duration is None else duration) / self.substeps
-        x = x0
+        x, states = x0, []
         for _ in range(self.substeps):
             # Runge-Kutta: x + h/6 (k1 + 2 k2 + 2 k3 + k4)
             k1 = f(0.0, x, u, p)
@@ -88,7 +95,9 @@ class Stage:
             k3 = f(0.0, x + dt / 2 * k2, u, p)
             k4 = f(0.0, x + dt * k3, u, p)
             x = x + dt / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-        return ca.Function("step", [x0, u, h] if duration is None else [x0, u], [x])
+            states.append(x)
+        given = [x0, u, h] if duration is None else [x0, u]
+        return ca.Function("step", given, [x if last else ca.horzcat(*states)])
 
     def room(self) -> Any:
         """Return ``g(x)``, negative where the state violates an obstacle or a limit, as a CasADi function."""
