@@ -63,8 +63,13 @@ def test_block_and_blockmodel_are_the_same_call():
     for name, value in TRUTH.items():
         assert abs(found[name].value - value) < 4 * found[name].std < 0.1 * value
     assert found.model.coefficients() == {name: found[name].value for name in TRUTH}
-    assert found.block == found.model.plant() == other.block
-    assert hc.check([log], CART).coefficients == hc.check([log], MODEL).coefficients
+    assert found.block == found.model.plant()
+    # equal but for rounding: sums of BLAS depend on where an array lies in memory
+    assert other.block.default_parameters == pytest.approx(found.block.default_parameters, rel=1e-9)
+    assert other.block.derivatives == found.block.derivatives
+    mine, others = (hc.check([log], model).coefficients for model in (CART, MODEL))
+    assert [(row.name, row.unit) for row in mine] == [(row.name, row.unit) for row in others]
+    assert [row.value for row in mine] == pytest.approx([row.value for row in others], rel=1e-9)
 
 
 def test_a_model_with_effects_is_identified_with_them():
