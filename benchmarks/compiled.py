@@ -43,7 +43,7 @@ def spent(work: Callable[[], object], times: int, clock: Callable[[], float] = t
 
 
 def least(works: list[Callable[[], object]], times: int) -> list[float]:
-    """Return the least time of some calls of each [s], taken in turns, so that a busy machine slows all alike."""
+    """Return the least time of some calls of each [s]; the works take turns on a busy machine."""
     seconds = [[spent(work, 1) for work in works] for _ in range(times)]
     return [min(column) for column in zip(*seconds, strict=True)]
 
