@@ -1,9 +1,9 @@
 /* Dense output within a step: theta = 0 at its start, 1 at its end.
  *
- * Hermite's cubic; for Dormand-Prince with Shampine's quartic term, of order 4: Hairer, Norsett, Wanner, "Solving
- * Ordinary Differential Equations I", 2nd ed., II.6.
+ * Hermite's cubic; for Dormand-Prince 5(4) with Shampine's quartic term, of order 4, for 8(5,3) with four terms, of order
+ * 7: Hairer, Norsett, Wanner, "Solving Ordinary Differential Equations I", 2nd ed., II.6.
  */
-#include "hc_solver_internal.h"
+#include "hc_methods.h"
 
 #include <string.h>
 
@@ -24,7 +24,10 @@ void hc_make_dense(hc_solver *s)
         c3[i] = change - h * k7[i] - bend;
     }
     if (s->cubic)
-        memset(c4, 0, (size_t)n * sizeof *c4);
+        for (int j = 4; j < s->n_dense; j++)
+            memset(s->dense[j], 0, (size_t)n * sizeof *c4);
+    else if (s->method == HC_DOP853)
+        hc_dense_dop853(s);
     else if (s->method == HC_DORMAND_PRINCE)
         for (int i = 0; i < n; i++)
             c4[i] = h * (-12715105075.0 / 11282082432.0 * k1[i] + 87487479700.0 / 32700410799.0 * k3[i] -
@@ -36,11 +39,8 @@ void hc_make_dense(hc_solver *s)
 void hc_interpolate(const hc_solver *s, double theta, double *restrict x)
 {
     const int n = s->n;
-    const double rest = 1.0 - theta;
-    const double *restrict c0 = s->dense[0], *restrict c1 = s->dense[1], *restrict c2 = s->dense[2];
-    const double *restrict c3 = s->dense[3], *restrict c4 = s->dense[4];
     for (int i = 0; i < n; i++)
-        x[i] = c0[i] + theta * (c1[i] + rest * (c2[i] + theta * (c3[i] + rest * c4[i])));
+        x[i] = hc_interpolate_one(s, i, theta);
 }
 
 const int *hc_solver_inside(hc_solver *s, double t, double *x)

@@ -16,18 +16,11 @@ static void friction(hc_solver *s, double t, const double *x, double *a, double 
     s->model->friction(hc_model_time(s, t), x, s->u, s->p, s->mode, a, b);
 }
 
-static double interpolate_one(const hc_solver *s, int i, double theta)
-{
-    double *const *c = s->dense;
-    const double rest = 1.0 - theta;
-    return c[0][i] + theta * (c[1][i] + rest * (c[2][i] + theta * (c[3][i] + rest * c[4][i])));
-}
-
 /* Event function of friction k: it rises through zero at the event. */
 static double event_value(hc_solver *s, int k, double theta)
 {
     if (s->mode[k] != 0)
-        return -s->mode[k] * interpolate_one(s, s->model->friction_state[k], theta);
+        return -s->mode[k] * hc_interpolate_one(s, s->model->friction_state[k], theta);
     hc_interpolate(s, theta, s->stage);
     friction(s, s->t0 + theta * s->length, s->stage, s->a, s->b);
     return hc_friction_excess(s->a[k], s->b[k]);
@@ -75,13 +68,13 @@ static double past_zero(hc_solver *s, int k)
         hc_make_dense(s);
     for (int halving = 0; halving < 20; halving++) {
         const double middle = 0.5 * (low + high);
-        const double slope = interpolate_one(s, i, middle + 1e-7) - interpolate_one(s, i, middle - 1e-7);
+        const double slope = hc_interpolate_one(s, i, middle + 1e-7) - hc_interpolate_one(s, i, middle - 1e-7);
         if (sign * slope < 0.0)
             low = middle;
         else
             high = middle;
     }
-    return sign * interpolate_one(s, i, low) < 0.0 ? low : NO_EVENT;
+    return sign * hc_interpolate_one(s, i, low) < 0.0 ? low : NO_EVENT;
 }
 
 /* Theta at which slipping velocity k reaches zero, given a later theta. */

@@ -7,6 +7,12 @@
 /* Order 5. Returns the mean square of the local error over its bound. */
 double hc_step_dormand_prince(hc_solver *s, double h);
 
+/* Order 8; needs n_k = HC_MOST_STAGES and n_dense = HC_MOST_DENSE. Returns the same. */
+double hc_step_dop853(hc_solver *s, double h);
+
+/* Its last four coefficients of dense output, from three more evaluations. */
+void hc_dense_dop853(hc_solver *s);
+
 /* Order 3, with the next step's first derivative in f. Returns the same. */
 double hc_step_bogacki_shampine(hc_solver *s, double h);
 

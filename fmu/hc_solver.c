@@ -17,8 +17,11 @@ static double *take(double **block, int n)
 hc_solver *hc_solver_new(const hc_model_type *model, const hc_options *options)
 {
     const int n = model->n_states, m = model->n_friction;
-    const size_t doubles = 16 * ((size_t)n + 8) + ((size_t)model->n_inputs + 8) + ((size_t)model->n_parameters + 8) +
-                           2 * ((size_t)HC_SAMPLES * (size_t)m + 8) + ((size_t)m + 8) + hc_ticks_size(model);
+    const int n_k = options->method == HC_DOP853 ? HC_MOST_STAGES : 5;
+    const int n_dense = options->method == HC_DOP853 ? HC_MOST_DENSE : 5;
+    const size_t doubles = (size_t)(6 + n_k + n_dense) * ((size_t)n + 8) + ((size_t)model->n_inputs + 8) +
+                           ((size_t)model->n_parameters + 8) + 2 * ((size_t)HC_SAMPLES * (size_t)m + 8) +
+                           ((size_t)m + 8) + hc_ticks_size(model);
     hc_solver *s = calloc(1, sizeof *s);
     double *block = calloc(doubles, sizeof *block);
     int *modes = calloc(2 * (size_t)m + 1, sizeof *modes);
@@ -41,10 +44,12 @@ hc_solver *hc_solver_new(const hc_model_type *model, const hc_options *options)
     s->x0 = take(&block, n);
     s->f0 = take(&block, n);
     s->stage = take(&block, n);
-    for (int j = 0; j < 5; j++) {
+    s->n_k = n_k;
+    s->n_dense = n_dense;
+    for (int j = 0; j < n_k; j++)
         s->k[j] = take(&block, n);
+    for (int j = 0; j < n_dense; j++)
         s->dense[j] = take(&block, n);
-    }
     s->u = take(&block, model->n_inputs);
     s->p = take(&block, model->n_parameters);
     s->a = take(&block, HC_SAMPLES * m);
@@ -158,13 +163,15 @@ int hc_solver_step(hc_solver *s, double stop)
             return HC_NOT_FINITE;
         s->fresh = 1;
     }
-    if (s->h == 0.0 && s->method == HC_DORMAND_PRINCE)
+    if (s->h == 0.0 && s->method != HC_RK4)
         s->h = hc_first_length(s);
     s->t0 = s->t;
     swap(&s->x, &s->x0);
     swap(&s->f, &s->f0);
     hc_ticks_hold(s->model, s->x, s->x0);
     s->cubic = 0;
+    if (s->n_friction > 0)
+        memcpy(s->mode0, s->mode, (size_t)s->n_friction * sizeof *s->mode);
     status = hc_choose_and_step(s, stop);
     if (status != HC_OK) { /* back to the last good time */
         swap(&s->x, &s->x0);
@@ -174,12 +181,10 @@ int hc_solver_step(hc_solver *s, double stop)
     }
     s->counts[HC_ACCEPTED]++;
     s->t = s->length == stop - s->t0 ? stop : s->t0 + s->length;
-    s->fresh = s->method == HC_DORMAND_PRINCE || s->n_friction > 0;
+    s->fresh = s->method != HC_RK4 || s->n_friction > 0;
     s->f_open = !s->fresh;
-    if (s->n_friction > 0) {
-        memcpy(s->mode0, s->mode, (size_t)s->n_friction * sizeof *s->mode);
+    if (s->n_friction > 0)
         status = hc_pass_events(s);
-    }
     return status == HC_OK ? pass_ticks(s) : status;
 }
 

@@ -1,6 +1,6 @@
-/* Integration of a model with dry friction: adaptive Dormand-Prince 5(4) with dense output and located events, or
- * classical Runge-Kutta in fixed steps. Steps end at switches at given times, and at ticks. No
- * allocation after hc_solver_new; one solver belongs to one thread.
+/* Integration of a model with dry friction: adaptive Dormand-Prince 5(4) or 8(5,3) with dense output and located
+ * events, or classical Runge-Kutta in fixed steps. Steps end at switches at given times, and at ticks. No allocation
+ * after hc_solver_new; one solver belongs to one thread.
  */
 #ifndef HC_SOLVER_H
 #define HC_SOLVER_H
@@ -9,7 +9,7 @@
 
 #include "hc_model.h"
 
-enum { HC_DORMAND_PRINCE = 0, HC_RK4 = 1 };
+enum { HC_DORMAND_PRINCE = 0, HC_RK4 = 1, HC_DOP853 = 2 };
 
 enum {
     HC_OK = 0,
@@ -20,10 +20,10 @@ enum {
 };
 
 typedef struct {
-    int method;      /* HC_DORMAND_PRINCE or HC_RK4 */
-    double rtol;     /* relative tolerance (Dormand-Prince) */
+    int method;      /* HC_DORMAND_PRINCE, HC_RK4 or HC_DOP853 */
+    double rtol;     /* relative tolerance (not RK4) */
     double atol;     /* absolute tolerance, times the nominal size of each state where `nominal` is given */
-    double step;     /* fixed step (RK4), or longest step (Dormand-Prince; 0: no limit) */
+    double step;     /* fixed step (RK4), or longest step (the others; 0: no limit) */
     long max_steps;  /* in one call; 0: no limit */
     const double *nominal; /* n_states sizes, or NULL for 1 */
 } hc_options;

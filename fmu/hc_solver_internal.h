@@ -7,6 +7,8 @@
 #include "hc_steps.h"
 #include "hc_ticks.h"
 
+#define HC_MOST_STAGES 14 /* arrays of derivatives, besides those at both ends of a step */
+#define HC_MOST_DENSE 8   /* coefficients of an interpolant */
 #define HC_SAMPLES 5 /* points of a step at which sticking is checked, both ends included */
 
 struct hc_solver {
@@ -21,8 +23,10 @@ struct hc_solver {
     double t0, *x0, *f0;       /* at the start of the last step */
     double length;             /* of the last step, before an event shortened it */
     double h, log_error;       /* length to try next (0: unknown); logarithm of the last squared error */
-    double *k[5], *stage;      /* derivatives of the stages after the first, and one stage's states */
-    double *dense[5];          /* coefficients of the interpolant, valid if `has_dense` */
+    int n_k, n_dense;          /* arrays in k and in dense, by the method */
+    double *k[HC_MOST_STAGES]; /* derivatives of the stages after the first */
+    double *stage;             /* one stage's states */
+    double *dense[HC_MOST_DENSE]; /* coefficients of the interpolant, valid if `has_dense` */
     double *absolute, *u, *p;  /* atol * nominal; inputs; parameters */
     double *a, *b, *theta;     /* frictions, and the theta of each one's event */
     double t_event;
@@ -48,6 +52,18 @@ static inline void hc_right_hand_side(hc_solver *s, double t, const double *x, d
 {
     s->counts[HC_RIGHT_HAND_SIDES]++;
     s->model->derivatives(hc_model_time(s, t), x, s->u, s->p, s->mode, dx);
+}
+
+/* State i inside the last step, with q = 1 - theta:
+ * c0 + theta (c1 + q (c2 + theta (c3 + q (c4 + theta (c5 + q (c6 + theta c7)))))) */
+static inline double hc_interpolate_one(const hc_solver *s, int i, double theta)
+{
+    double *const *c = s->dense;
+    const double rest = 1.0 - theta;
+    double last = c[4][i];
+    if (s->n_dense > 5)
+        last += theta * (c[5][i] + rest * (c[6][i] + theta * c[7][i]));
+    return c[0][i] + theta * (c[1][i] + rest * (c[2][i] + theta * (c[3][i] + rest * last)));
 }
 
 /* Inside the last step: theta = 0 at its start, 1 at its end. Needs hc_make_dense if has_dense is 0. */

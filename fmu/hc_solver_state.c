@@ -10,7 +10,7 @@ static void copy(double *own, int n, double **buffer, int load)
     *buffer += n;
 }
 
-enum { N_NUMBERS = 13, N_ARRAYS = 13, N_WHOLE = 8 };
+enum { N_NUMBERS = 13, N_ARRAYS = 3, N_WHOLE = 8 };
 
 /* Integers below 2^53 are exact doubles; work space is not saved. */
 static void transfer(hc_solver *s, double *buffer, int load)
@@ -18,8 +18,7 @@ static void transfer(hc_solver *s, double *buffer, int load)
     double *const numbers[N_NUMBERS] = {&s->rtol,        &s->longest, &s->t,      &s->earliest, &s->latest,
                                         &s->next_switch, &s->t0,      &s->length, &s->h,        &s->log_error,
                                         &s->t_event,     &s->ticks.next, &s->ticks.at};
-    double *const arrays[N_ARRAYS] = {s->f, s->f0, s->absolute, s->k[0], s->k[1], s->k[2], s->k[3], s->k[4],
-                                      s->dense[0], s->dense[1], s->dense[2], s->dense[3], s->dense[4]};
+    double *const arrays[N_ARRAYS] = {s->f, s->f0, s->absolute};
     int *const whole[N_WHOLE] = {&s->method, &s->fresh, &s->f_open, &s->has_dense, &s->events_here,
                                  &s->cubic, &s->started, &s->ticks.ticked};
     const int n_all = s->n + s->n_held;
@@ -28,6 +27,10 @@ static void transfer(hc_solver *s, double *buffer, int load)
         copy(numbers[i], 1, &buffer, load);
     for (int i = 0; i < N_ARRAYS; i++)
         copy(arrays[i], s->n, &buffer, load);
+    for (int j = 0; j < s->n_k; j++)
+        copy(s->k[j], s->n, &buffer, load);
+    for (int j = 0; j < s->n_dense; j++)
+        copy(s->dense[j], s->n, &buffer, load);
     copy(s->x, n_all, &buffer, load);
     copy(s->x0, n_all, &buffer, load);
     copy(s->u, s->model->n_inputs, &buffer, load);
@@ -55,8 +58,8 @@ static void transfer(hc_solver *s, double *buffer, int load)
 size_t hc_solver_size(const hc_solver *s)
 {
     const int n_all = s->n + s->n_held;
-    return (size_t)(N_NUMBERS + N_ARRAYS * s->n + 2 * n_all + s->model->n_inputs + s->model->n_parameters + 1 + N_WHOLE +
-                    4 + 2 * s->n_friction) +
+    return (size_t)(N_NUMBERS + (N_ARRAYS + s->n_k + s->n_dense) * s->n + 2 * n_all + s->model->n_inputs +
+                    s->model->n_parameters + 1 + N_WHOLE + 4 + 2 * s->n_friction) +
            hc_ticks_size(s->model);
 }
 

@@ -33,7 +33,8 @@ double hc_first_length(hc_solver *s)
         return h;
     if (slope > curve)
         curve = slope;
-    const double second = curve <= 1e-15 ? (h > 1e-3 ? 1e-3 * h : 1e-6) : pow(0.01 / curve, 0.2);
+    const double root = s->method == HC_DOP853 ? 1.0 / 8.0 : 1.0 / 5.0;
+    const double second = curve <= 1e-15 ? (h > 1e-3 ? 1e-3 * h : 1e-6) : pow(0.01 / curve, root);
     h = 100.0 * h < second ? 100.0 * h : second;
     return h < s->longest ? h : s->longest;
 }
@@ -55,8 +56,17 @@ static int short_step(hc_solver *s, double stop)
     return 0;
 }
 
+/* Length of the next step over this one, from squared errors: 0.9 (err^2)^-power (last err^2)^memory, at most 10 */
+typedef struct {
+    double (*step)(hc_solver *s, double h);
+    double power, memory, least; /* least: squared error below which the factor is 10 at most */
+} hc_pair;
+
+static const hc_pair dormand_prince = {hc_step_dormand_prince, 0.085, 0.02, 1e-8};
+static const hc_pair dop853 = {hc_step_dop853, 0.0625, 0.0, 1e-17};
+
 /* Adaptive: repeat until the error is within its bound. Returns with x, f, length and h set. */
-static int adaptive_step(hc_solver *s, double stop)
+static int adaptive_step(hc_solver *s, double stop, const hc_pair *pair)
 {
     int rejections = 0, unseen = 0, finite = 1;
     for (;;) {
@@ -68,14 +78,14 @@ static int adaptive_step(hc_solver *s, double stop)
         if (s->max_steps > 0 && s->steps >= s->max_steps)
             return HC_TOO_MANY_STEPS;
         s->steps++;
-        const double error = hc_step_dormand_prince(s, h); /* squared */
+        const double error = pair->step(s, h); /* squared */
         finite = hc_is_finite(error);
         s->length = h;
         s->has_dense = 0;
         if (error <= 1.0) {
             if (s->n_friction == 0 || hc_look_for_events(s) || unseen == 3) {
-                const double logarithm = log(error > 1e-8 ? error : 1e-8);
-                double factor = 0.9 * exp(-0.085 * logarithm + 0.02 * s->log_error);
+                const double logarithm = log(error > pair->least ? error : pair->least);
+                double factor = 0.9 * exp(-pair->power * logarithm + pair->memory * s->log_error);
                 if (factor > 10.0)
                     factor = 10.0;
                 if (rejections > 0 && factor > 1.0)
@@ -92,7 +102,7 @@ static int adaptive_step(hc_solver *s, double stop)
             unseen++;
             s->h = 0.25 * h;
         } else {
-            const double factor = finite ? 0.9 * exp(-0.085 * log(error)) : 0.2;
+            const double factor = finite ? 0.9 * exp(-pair->power * log(error)) : 0.2;
             s->h = h * (factor > 0.2 ? factor : 0.2);
         }
         rejections++;
@@ -124,5 +134,7 @@ int hc_choose_and_step(hc_solver *s, double stop)
 {
     if (short_step(s, stop))
         return HC_OK;
-    return s->method == HC_DORMAND_PRINCE ? adaptive_step(s, stop) : fixed_step(s, stop);
+    if (s->method == HC_RK4)
+        return fixed_step(s, stop);
+    return adaptive_step(s, stop, s->method == HC_DOP853 ? &dop853 : &dormand_prince);
 }

@@ -41,7 +41,7 @@ def phase_grid(begin: float, end: float, step: float) -> Array:
     [0.0, 0.2, 0.4, 0.5]
     """
     first, last = int(np.floor(begin / step + SAME)) + 1, int(np.ceil(end / step - SAME))
-    return np.array([begin, *(step * k for k in range(first, last)), end])
+    return np.concatenate([[begin], step * np.arange(first, last), [end]])
 
 
 def through_phases(

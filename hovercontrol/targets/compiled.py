@@ -50,7 +50,7 @@ from hovercontrol.targets.sweep_run import run_sweep
 if TYPE_CHECKING:
     import control
 
-Method = Literal["dormand-prince", "rk4"]
+Method = Literal["dormand-prince", "rk4", "dop853"]
 
 
 def compile_block(block: Block, *, friction: Friction = "smooth") -> CompiledBlock:
@@ -260,12 +260,13 @@ class CompiledBlock:
         ----------
         time, inputs, x0, params
             As for that function. An input is held from one time to the next.
-        method : {"dormand-prince", "rk4"}, optional
-            Dormand-Prince 5(4) with step-size control, or the classical Runge-Kutta method in equal steps.
+        method : {"dormand-prince", "rk4", "dop853"}, optional
+            Dormand-Prince 5(4) with step-size control, the classical Runge-Kutta method in equal steps, or
+            Dormand-Prince 8(5,3) with step-size control, which is faster at tolerances below 1e-8.
         step : float, optional
-            Step size of rk4, maximum step size of dormand-prince [s].
+            Step size of rk4, maximum step size of the others [s].
         rtol, atol : float, optional
-            Relative and absolute tolerance of dormand-prince.
+            Relative and absolute tolerance; rk4 ignores them.
         hold : {"zero"}, optional
             Compiled simulations do not interpolate inputs.
 

@@ -73,9 +73,12 @@ class NumpyEngine:
     ) -> tuple[int, float, Array, Array, Array]:
         """Return the status, the time reached, the states, the outputs and the last states."""
         params = dict(zip(self.block.default_parameters, p.tolist(), strict=True))
-        if solver.method == "dormand-prince" or self.block.ticks:
+        if solver.method != "rk4" or self.block.ticks:
+            method = "DOP853" if solver.method == "dop853" else "RK45"
             longest, rtol, atol = solver.step or math.inf, solver.rtol, solver.atol
-            r = simulate(self.block, times, u, x, params, rtol=rtol, atol=atol, max_step=longest)
+            r = simulate(
+                self.block, times, u, x, params, method=method, rtol=rtol, atol=atol, max_step=longest
+            )
             found = np.atleast_2d(r.states).T
             return 0, times[-1], found, np.atleast_2d(r.outputs).T, found[-1]
         states = [x.tolist()]

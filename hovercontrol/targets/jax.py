@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import sympy as sp
@@ -23,12 +23,13 @@ from hovercontrol.core.functions import ArrayPrinter, Function, program_function
 from hovercontrol.core.program import Program
 from hovercontrol.core.summary import block_line
 from hovercontrol.errors import InputError
-from hovercontrol.targets.compiled import Method
 from hovercontrol.targets.jax_needs import Run, need_jax
 from hovercontrol.targets.sweep import Many, SweepResult
 
 if TYPE_CHECKING:
     import control
+
+Method = Literal["rk4", "dormand-prince"]
 
 
 @checked

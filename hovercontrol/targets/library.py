@@ -28,7 +28,7 @@ Step = Callable[[float, float, ArrayLike, ArrayLike], tuple[int, Array]]
 #: Maximum number of solver steps between two grid times; they take some seconds.
 MAX_STEPS = 10_000_000
 NO_MEMORY = 1  # of hc_solver.h
-METHODS = ("dormand-prince", "rk4")  # in the order of hc_solver.h
+METHODS = ("dormand-prince", "rk4", "dop853")  # in the order of hc_solver.h
 _NO_LANES = '#include "hc_lanes.h"\nconst hc_lanes_function hc_model_lanes = NULL;\n'
 
 
@@ -246,9 +246,8 @@ class Library:
 
 def solver_options(solver: Solver) -> _Options:
     """Return solver settings as the structure of the C runtime."""
-    method = METHODS.index(solver.method)
-    steps = MAX_STEPS if method == 0 else 0
-    return _Options(method, solver.rtol, solver.atol, solver.step, steps, None)
+    steps = 0 if solver.method == "rk4" else MAX_STEPS
+    return _Options(METHODS.index(solver.method), solver.rtol, solver.atol, solver.step, steps, None)
 
 
 def _refuse() -> str:

@@ -9,7 +9,7 @@ _SOLVER = (
     *("hc_names.h", "hc_options.h", "hc_numbers.h", "hc_exp.h", "hc_math.h", "hc_model.h"),
     *("hc_rk4.h", "hc_steps.h"),
     *("hc_solver.h", "hc_solver_internal.h", "hc_solver.c", "hc_solver_state.c", "hc_step_length.c"),
-    *("hc_methods.h", "hc_methods.c", "hc_dense.c", "hc_events.c"),
+    *("hc_methods.h", "hc_methods.c", "hc_dop853.c", "hc_dense.c", "hc_events.c"),
     *("hc_friction.h", "hc_friction.c", "hc_ticks.h", "hc_ticks.c"),
 )
 _LANES = ("hc_exp.h", "hc_lanes.h", "hc_lanes_math.h")

@@ -35,7 +35,7 @@ int main(int argc, char **argv)
         p[i] = atof(argv[1 + i % m->n_parameters % (argc - 1)]);
     for (int i = 0; i < N_RUNS * m->n_states; i++)
         x[i] = 0.1 * (i % 4);
-    for (int method = HC_DORMAND_PRINCE; method <= HC_RK4; method++) {
+    for (int method = HC_DORMAND_PRINCE; method <= HC_DOP853; method++) {
         hc_options options = {0, 1e-6, 1e-8, 0.0, 0, NULL};
         long counts[4];
         options.method = method;

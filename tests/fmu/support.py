@@ -19,7 +19,7 @@ MODELS = Path(__file__).parent / "models"
 SOURCES = [RUNTIME / name for name in SIMULATION if name.endswith(".c") and name != "hc_runner.c"]
 STRICT = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror"]
 
-DORMAND_PRINCE, RK4 = 0, 1
+DORMAND_PRINCE, RK4, DOP853 = 0, 1, 2
 OK, NO_MEMORY, NOT_FINITE, STEP_TOO_SMALL, TOO_MANY_STEPS = range(5)
 Array = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from mpmath import mp
 
-from .support import OK, RK4, STEP_TOO_SMALL, doubles, pointer
+from .support import DOP853, DORMAND_PRINCE, OK, RK4, STEP_TOO_SMALL, doubles, pointer
 
 
 @cache
@@ -59,13 +59,14 @@ def only_first(c):
 TIMES = np.linspace(0.0, 20.0, 2001)
 
 
+@pytest.mark.parametrize("method", [DORMAND_PRINCE, DOP853])
 @pytest.mark.parametrize("c", [0.7, 0.3])  # with rest after each slip; without
 @pytest.mark.parametrize(
     ("rtol", "bound"),
     [(1e-4, 5e-3), (1e-5, 5e-4), (1e-6, 2e-5), (1e-7, 2e-6), (1e-8, 2e-7), (1e-10, 3e-9), (1e-12, 3e-11)],
 )
-def test_driven_mass_follows_the_exact_solution(build, c, rtol, bound):
-    run = build("driven").simulate(TIMES, [0, 0, 0], only_first(c), rtol=rtol)
+def test_driven_mass_follows_the_exact_solution(build, c, rtol, bound, method):
+    run = build("driven").simulate(TIMES, [0, 0, 0], only_first(c), rtol=rtol, method=method)
     assert run.status == OK
     assert np.abs(run.states[:, 0] - exact(c, TIMES)).max() < bound
 
@@ -97,7 +98,9 @@ def test_sticking_velocity_is_exactly_zero(build):
     assert np.all(run.states[:, 1:] == 0.0)
 
 
-@pytest.mark.parametrize("options", [{"rtol": 1e-4}, {"rtol": 1e-9}, {"method": RK4, "step": 0.3}])
+@pytest.mark.parametrize(
+    "options", [{"rtol": 1e-4}, {"rtol": 1e-9}, {"method": RK4, "step": 0.3}, {"method": DOP853}]
+)
 def test_breakaway_from_rest_at_the_exact_time(build, options):
     """A ramp p1 t against p2: it slips from t = p2/p1 on, with v = p1 (t - p2/p1)^2 / 2."""
     run = build("driven").simulate(

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy import integrate
 from scipy.integrate import solve_ivp
 
-from .support import NOT_FINITE, OK, RK4, STEP_TOO_SMALL, TOO_MANY_STEPS
+from .support import DOP853, DORMAND_PRINCE, NOT_FINITE, OK, RK4, STEP_TOO_SMALL, TOO_MANY_STEPS
 
 X0 = [1.0, 0.0, 2.0, 0.0, 0.5, 0.0]
 P = [1.0, 0.5, 100.0]
@@ -46,12 +47,47 @@ def test_order_of_dormand_prince_is_five_and_four_between_the_steps(build, refer
     assert orders([np.abs(run.states - expected).max() for run in runs]).min() > 3.7
 
 
+def test_order_of_dop853_is_eight_and_seven_between_the_steps(build):
+    """Two oscillators and sin(t), exact; the others of smooth.c stand apart with errors of their own."""
+    times = np.linspace(0.0, 16.0, 321)
+    exact = np.array(
+        [np.cos(times), -np.sin(times), np.cos(times), -np.sin(times), 0.5 + 1 - np.cos(times)]
+    ).T
+    x0, p, wide = [1.0, 0.0, 1.0, 0.0, 0.5, 0.0], [0.0, 1e300, 100.0], {"rtol": 1.0, "atol": 1e3}
+    errors = []
+    for h in (1.6, 0.8, 0.4):
+        run = build("smooth").simulate(times, x0, p, method=DOP853, step=h, **wide)
+        off = np.abs(run.states[:, :5] - exact).max(axis=1)
+        errors.append((off[-1], off.max()))
+    last, between = map(orders, zip(*errors, strict=True))
+    assert last.min() > 7.6
+    assert between.min() > 6.7
+
+
+@pytest.mark.parametrize("method", [DORMAND_PRINCE, DOP853])
 @pytest.mark.parametrize("rtol", [1e-3, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12])
-def test_error_follows_the_tolerance(build, reference, rtol):
+def test_error_follows_the_tolerance(build, reference, rtol, method):
     times, expected = reference
-    run = build("smooth").simulate(times, X0, P, rtol=rtol, atol=rtol)
+    run = build("smooth").simulate(times, X0, P, rtol=rtol, atol=rtol, method=method)
     assert run.status == OK
     assert np.abs(run.states[:, :5] - expected[:, :5]).max() < 200 * rtol
+
+
+def test_a_step_of_dop853_is_that_of_scipy(build):
+    """From the same state over the same length, to rounding; and a run takes about as many evaluations."""
+    for h in (0.05, 0.1, 0.2):
+        run = build("smooth").simulate([0.0, h], X0, P, method=DOP853, rtol=1.0, atol=1e3)
+        one = integrate.DOP853(
+            lambda t, x: right_hand_side(t, x, P), 0.0, X0, h, rtol=1.0, atol=1e3, first_step=h
+        )
+        assert one.step() is None and one.t == h
+        np.testing.assert_allclose(run.last, one.y, rtol=1e-14, atol=1e-15)
+    for rtol in (1e-6, 1e-9, 1e-12):
+        solver = build("smooth").solver(rtol=rtol, atol=rtol, method=DOP853)
+        assert solver.set(0.0, X0, p=P) == OK
+        assert solver.advance(10.0) == OK
+        scipy = solve_ivp(right_hand_side, (0, 10), X0, "DOP853", rtol=rtol, atol=rtol, args=(P,))
+        assert 0.8 * scipy.nfev < solver.counts["evaluations"] < 1.1 * scipy.nfev
 
 
 def test_harmonic_oscillator_over_a_thousand_turns(build):
@@ -71,15 +107,16 @@ def test_stiff_systems_come_through(build):
     assert run.states == pytest.approx(expected, abs=3e-5)
 
 
-def test_a_step_costs_six_evaluations(build):
-    solver = build("smooth").solver(rtol=1e-8)
+@pytest.mark.parametrize(("method", "cost", "rejected"), [(DORMAND_PRINCE, 6, 0.1), (DOP853, 12, 0.3)])
+def test_a_step_costs_six_or_twelve_evaluations(build, method, cost, rejected):
+    solver = build("smooth").solver(rtol=1e-8, method=method)
     assert solver.set(0.0, X0, p=P) == OK
     for until in np.linspace(0.5, 10.0, 20):
         assert solver.advance(until) == OK
     counts = solver.counts
     first = 2  # the derivative at the start, and one to choose the first step
-    assert counts["evaluations"] == first + 6 * (counts["accepted"] + counts["rejected"])
-    assert counts["rejected"] < 0.1 * counts["accepted"]
+    assert counts["evaluations"] == first + cost * (counts["accepted"] + counts["rejected"])
+    assert counts["rejected"] < rejected * counts["accepted"]
 
 
 def test_no_more_steps_than_scipy(build):
@@ -91,7 +128,7 @@ def test_no_more_steps_than_scipy(build):
 
 
 def test_until_is_met_exactly(build):
-    for options in ({"rtol": 1e-6}, {"method": RK4, "step": 0.01}):
+    for options in ({"rtol": 1e-6}, {"method": RK4, "step": 0.01}, {"method": DOP853}):
         solver = build("smooth").solver(**options)
         assert solver.set(0.0, X0, p=P) == OK
         for until in (0.1, 1 / 3, 1 / 3 + 1e-15, 5.0, np.pi * 2):
@@ -114,15 +151,16 @@ def test_a_short_advance_does_not_shorten_the_next_steps(build):
     assert steps[1] <= steps[0] + 20 + 5
 
 
-def test_results_do_not_depend_on_a_fine_grid(build):
+@pytest.mark.parametrize("method", [DORMAND_PRINCE, DOP853])
+def test_results_do_not_depend_on_a_fine_grid(build, method):
     """Grid times are read inside the steps: a grid a hundred times finer changes nothing."""
-    coarse = build("smooth").simulate(np.linspace(0, 10, 11), X0, P, rtol=1e-6)
-    fine = build("smooth").simulate(np.linspace(0, 10, 1001), X0, P, rtol=1e-6)
+    coarse = build("smooth").simulate(np.linspace(0, 10, 11), X0, P, rtol=1e-6, method=method)
+    fine = build("smooth").simulate(np.linspace(0, 10, 1001), X0, P, rtol=1e-6, method=method)
     assert fine.states[::100] == pytest.approx(coarse.states, rel=1e-12, abs=1e-13)
     assert np.array_equal(fine.last, coarse.last)
 
 
-@pytest.mark.parametrize("options", [{"rtol": 1e-6}, {"method": RK4, "step": 0.01}])
+@pytest.mark.parametrize("options", [{"rtol": 1e-6}, {"method": RK4, "step": 0.01}, {"method": DOP853}])
 def test_no_number_stops_at_the_last_good_time(build, options):
     run = build("smooth").simulate(np.linspace(0, 10, 101), X0, [1.0, 0.5, 5.0], **options)
     assert run.status == NOT_FINITE

@@ -117,12 +117,13 @@ def test_many_threads_may_ask_for_derivatives_at_once(rng):
 
 
 @needs_cc
+@pytest.mark.parametrize("method", ["dormand-prince", "dop853"])
 @pytest.mark.parametrize("name", ["plant", "loop"])
-def test_a_simulation_is_that_of_numpy(name):
+def test_a_simulation_is_that_of_numpy(name, method):
     block = BLOCKS[name]
     u = {"thrust": np.where(GRID < 2, 1.0, 0.3), "rudder": 0.1} if block.inputs else None
     exact = simulate(block, GRID, u, method="DOP853", **TIGHT)
-    response = compile_block(block, friction="smooth").simulate(GRID, u, **TIGHT)
+    response = compile_block(block, friction="smooth").simulate(GRID, u, method=method, **TIGHT)
     np.testing.assert_allclose(response.states, exact.states, rtol=1e-6, atol=1e-6)
     np.testing.assert_allclose(response.outputs, exact.outputs, rtol=1e-6, atol=2e-6)
     np.testing.assert_array_equal(response.inputs, exact.inputs)
@@ -357,6 +358,8 @@ def test_without_a_compiler_numpy_does_the_work_and_one_warning_says_so(no_compi
     assert ready.derivatives(0.0, [2.0]).tolist() == [-4.0]
     assert ready.simulate([0, 1]).outputs[0, -1] == pytest.approx(np.exp(-2), rel=1e-5)
     assert ready.simulate([0, 1], method="rk4", step=0.01).outputs[0, -1] == pytest.approx(np.exp(-2))
+    exact = ready.simulate([0, 1], method="dop853", rtol=1e-11, atol=1e-13).outputs[0, -1]
+    assert exact == pytest.approx(np.exp(-2), rel=1e-11)
 
 
 @needs_cc

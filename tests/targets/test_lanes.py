@@ -107,7 +107,9 @@ def test_here_the_lanes_are_at_work():
 VECTORS = ["-fopenmp-simd", "-DHC_SIMD", "-mavx2", "-fno-trapping-math"]
 
 
-@pytest.mark.parametrize("flags", [[], VECTORS, [*VECTORS, "-DHC_FMA"], [*VECTORS, "-DHC_FMA", "-DHC_AVX512"]])
+@pytest.mark.parametrize(
+    "flags", [[], VECTORS, [*VECTORS, "-DHC_FMA"], [*VECTORS, "-DHC_FMA", "-DHC_AVX512"]]
+)
 @pytest.mark.parametrize("friction", ["events", "smooth"])
 def test_strict_warnings_find_nothing(tmp_path, flags, friction):
     if "-mavx2" in flags and platform.machine() != "x86_64":
