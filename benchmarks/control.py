@@ -49,7 +49,7 @@ def by_hand() -> control.NonlinearIOSystem:
 
 
 def optimum(system: control.NonlinearIOSystem, solve: Any, steps: int) -> tuple[int, float]:
-    """Return simulations and time [s] of an optimal control problem: 9 times to 2 s, by shooting with SLSQP."""
+    """Return simulations and time [s] of an optimal control problem: 9 times to 2 s, SLSQP."""
     start, end, held = (
         np.array([0, 0, 0, 0.5, 0, 0]),
         np.array([1.5, 0.3, 0, 0.5, 0, 0]),
