@@ -18,6 +18,7 @@ from control import optimal
 
 from benchmarks.step import per_call
 from hovercontrol.models.vehicles import vehicle
+from hovercontrol.targets.optimal_control import solve_ocp
 
 X, U = np.array([0.1, -0.2, 0.3, 0.5, -0.1, 0.8]), np.array([1.5, 0.2])
 
@@ -47,8 +48,8 @@ def by_hand() -> control.NonlinearIOSystem:
     return control.nlsys(rates, outputs, states=6, inputs=2, outputs=6, params=params, name="hand")
 
 
-def optimal_control(system: control.NonlinearIOSystem) -> float:
-    """Return what a simulation costs in an optimal control problem [s]: 9 times to 2 s, 3 steps of SLSQP."""
+def optimum(system: control.NonlinearIOSystem, solve: Any, steps: int) -> tuple[int, float]:
+    """Return simulations and time [s] of an optimal control problem: 9 times to 2 s, SLSQP."""
     start, end, held = (
         np.array([0, 0, 0, 0.5, 0, 0]),
         np.array([1.5, 0.3, 0, 0.5, 0, 0]),
@@ -58,7 +59,7 @@ def optimal_control(system: control.NonlinearIOSystem) -> float:
     cost = optimal.quadratic_cost(system, weights, 0.1 * np.eye(2), end, held)
     last = optimal.quadratic_cost(system, 10 * weights, None, end, held)
     begin = process_time()
-    result = optimal.solve_ocp(
+    result = solve(
         system,
         np.linspace(0, 2, 9),
         start,
@@ -67,11 +68,17 @@ def optimal_control(system: control.NonlinearIOSystem) -> float:
         terminal_cost=last,
         trajectory_method="shooting",
         initial_guess=held,
-        minimize_options={"maxiter": 3},
+        minimize_method="SLSQP",
+        minimize_options={"maxiter": steps},
         print_summary=False,
     )
-    simulations: int = result.problem.system_simulations
-    return (process_time() - begin) / simulations
+    return result.problem.system_simulations, process_time() - begin
+
+
+def optimal_control(system: control.NonlinearIOSystem) -> float:
+    """Return what a simulation costs in that problem [s], in three steps."""
+    simulations, spent = optimum(system, optimal.solve_ocp, 3)
+    return spent / simulations
 
 
 def rows() -> Iterator[tuple[str, str, str, bool | None]]:
@@ -96,3 +103,8 @@ def rows() -> Iterator[tuple[str, str, str, bool | None]]:
         each = optimal_control(one)
         text = f"{1e3 * each:.2f} ms ({before / each:.1f} x as fast as by hand)"
         yield f"solve_ocp, {what}, a simulation", text, "", None
+    stepped = block.to_control(step=0.25)
+    optimum(stepped, solve_ocp, 100)  # builds its library
+    for what, solve in (("ct.optimal.solve_ocp", optimal.solve_ocp), ("hc.solve_ocp", solve_ocp)):
+        simulations, spent = optimum(stepped, solve, 100)
+        yield f"{what} to the optimum", f"{simulations} simulations, {spent:.2f} s", "", None

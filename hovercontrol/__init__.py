@@ -71,6 +71,7 @@ if TYPE_CHECKING:
     from hovercontrol.models.parameters import load_parameters, save_parameters
     from hovercontrol.models.vehicles import VEHICLES, vehicle
     from hovercontrol.simulation.trajectory import simulate
+    from hovercontrol.targets.optimal_control import solve_ocp
     from hovercontrol.targets.trim import Trim
 
 __version__ = "0.1.0"
@@ -122,6 +123,7 @@ __all__ = [
     "pid",
     "mpc",
     "minimum_time",
+    "solve_ocp",
     "ellipse",
     "circle",
     "line",

@@ -140,7 +140,8 @@ def runner_of(functions: JaxFunctions, solver: Solver, record: str) -> Callable[
                 u = tuple(now.u)
                 return move(now.t, now.h, ticked(now.t, x, u, p, now.due), u, p), None
 
-            after, _ = jax.lax.scan(step, x, rest)
+            # a gradient keeps the states before each step and computes the step again
+            after, _ = jax.lax.scan(jax.checkpoint(step), x, rest)
             return after, kept(first, x)
 
         def kept(at: Plan, x: State) -> State:
@@ -151,7 +152,7 @@ def runner_of(functions: JaxFunctions, solver: Solver, record: str) -> Callable[
             return tuple(jnp.broadcast_to(jnp.asarray(y, dtype=float), shape) for y in found)
 
         last = Plan(*(a[-1, 0] for a in plan))
-        x, rows = jax.lax.scan(jax.checkpoint(row), x, Plan(*(a[:-1] for a in plan)))
+        x, rows = jax.lax.scan(row, x, Plan(*(a[:-1] for a in plan)))
         x = ticked(last.t, x, tuple(last.u), p, last.due)
         rows = tuple(jnp.concatenate([a, b[None]]) for a, b in zip(rows, kept(last, x), strict=True))
         return rows, x

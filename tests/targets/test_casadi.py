@@ -54,6 +54,16 @@ def test_each_controller_is_numpys(name):
     assert_same(choose(f"{name}:controller").block, 100)
 
 
+def test_designed_controllers_and_guidance_are_numpys():
+    plant = hc.vehicle("c17_simulation").plant()
+    straight = plant.trim({"u": 1.0, "r": 0.0, "psi": 0.0})
+    assert_same(hc.lqr(plant, straight, {"y": 1.0, "u": 1.0}, {"thrust": 1.0, "rudder": 4.0}))
+    weights = {"u": 1.0, "integral_u": 4.0}
+    assert_same(hc.lqi(plant, straight, weights, {"thrust": 1.0}, integrate="u"))
+    assert_same(hc.course_control(gain=2.0, yaw_rate=10.0))
+    assert_same(hc.line_of_sight([[0.0, 0.0], [10.0, 0.0]], lookahead=2.0).in_continuous_time)
+
+
 @pytest.mark.parametrize("name", PARTS)
 def test_parts_with_tables_modes_and_random_numbers_are_numpys(name):
     assert_same(choose(name).block)

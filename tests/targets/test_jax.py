@@ -18,11 +18,17 @@ PARTS = loop_parts(load_scenario("table1"))
 LOOP = hc.interconnect(
     [CRAFT.plant(), hc.tracking_controller(CRAFT), hc.ellipse(1.5, 2.5, rate=-1.0)], "loop"
 )
-
+PLANT = CRAFT.plant()
+STRAIGHT = PLANT.trim({"u": 1.0, "r": 0.0, "psi": 0.0})
+WEIGHTS = {"y": 1.0, "u": 1.0}, {"thrust": 1.0, "rudder": 4.0}
 
 BLOCKS = {
     **{name: hc.vehicle(name).plant() for name in hc.VEHICLES},
     "tracking": hc.tracking_controller(CRAFT),
+    "lqr": hc.lqr(PLANT, STRAIGHT, *WEIGHTS),
+    "lqi": hc.lqi(PLANT, STRAIGHT, {"u": 1.0, "integral_u": 4.0}, {"thrust": 1.0}, integrate="u"),
+    "course_control": hc.course_control(gain=2.0, yaw_rate=10.0),
+    "line_of_sight": hc.line_of_sight([[0.0, 0.0], [10.0, 0.0]], lookahead=2.0).in_continuous_time,
     "pid": hc.pid(hc.Signal("v", "m/s"), hc.Signal("a", "m/s^2"), kp=2.0, ki=0.5, kd=0.1),
     "waypoints": hc.waypoints([[0, 0], [1, 2], [3, 1]], [0.0, 1.0, 2.5]),
     "loop": LOOP,

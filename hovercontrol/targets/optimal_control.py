@@ -1,0 +1,313 @@
+"""python-control's optimal control with gradients: each simulation also gives its sensitivities.
+
+The optimiser gets the gradient of the cost and the Jacobians of the constraints. The plant's part is exact;
+python-control takes the cost and nonlinear constraints as functions of Python, whose partial derivatives are
+central differences without a simulation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import sympy as sp
+from control import optimal
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import LinearConstraint, NonlinearConstraint
+
+from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
+from hovercontrol.core.expressions import Expressions
+from hovercontrol.core.functions import numpy_functions
+from hovercontrol.core.switching import switching_conditions
+from hovercontrol.errors import InputError, shown
+from hovercontrol.targets.control import BlockSystem
+from hovercontrol.targets.discrete import HeldSystem, step_jacobians
+from hovercontrol.targets.shoot import Columns, shoot_with_slopes
+
+Array = NDArray[np.float64]
+Cost = Callable[..., Any]
+
+#: Step of central differences of a cost or constraint, relative to a value of 1 or more: the cube root of the
+#: rounding, 1e-16, where it and the step's square have like parts in the error.
+DIFFERENCE = 6e-6
+#: Runge-Kutta steps of the sensitivities: per step of the system at least, and per time constant.
+LEAST, PER_TIME_CONSTANT = 8, 8
+
+
+@checked
+def solve_ocp(
+    system: Any,
+    timepts: ArrayLike,
+    initial_state: ArrayLike,
+    integral_cost: Cost,
+    trajectory_constraints: Any = None,
+    terminal_cost: Cost | None = None,
+    terminal_constraints: Any = None,
+    initial_guess: Any = None,
+    basis: Any = None,
+    *,
+    squeeze: bool | None = None,
+    transpose: bool | None = None,
+    return_states: bool = True,
+    print_summary: bool = False,
+    **options: Any,
+) -> Any:
+    """Solve an optimal control problem as :func:`control.optimal.solve_ocp`, with gradients.
+
+    python-control passes no gradients on to SciPy, which then simulates once for each unknown. Here each
+    simulation also gives its sensitivities to the inputs. The result is python-control's.
+
+    Parameters
+    ----------
+    system : control.InputOutputSystem
+        From ``block.to_control(step=h)``, by shooting, or from ``block.to_control()`` of a continuous Block,
+        by collocation.
+    timepts : array_like, shape (n,)
+        Times of the inputs [s]; for shooting h apart.
+    initial_state : array_like, shape (n_states,)
+    integral_cost : callable
+        ``integral_cost(x, u)``, such as :func:`control.optimal.quadratic_cost`.
+    trajectory_constraints, terminal_constraints : constraint or list of constraints, optional
+        As for python-control.
+    terminal_cost : callable, optional
+        ``terminal_cost(x, u)``.
+    initial_guess : array_like, shape (n_inputs,) or (n_inputs, n), optional
+        Inputs; for collocation also a tuple of states and inputs.
+    basis : control.flatsys.BasisFamily, optional
+        Functions of which the inputs are sums.
+    squeeze, transpose, return_states, print_summary
+        As for python-control (print_summary: default False).
+    **options
+        ``minimize_method``, ``minimize_options``, ``minimize_kwargs``, ``log`` of python-control.
+
+    Returns
+    -------
+    control.optimal.OptimalControlResult
+        ``time``, ``inputs``, ``states``, ``cost``, ``success``.
+
+    Raises
+    ------
+    InputError
+        If the system is not that of a continuous Block, or its time points are not its steps apart.
+
+    Examples
+    --------
+    >>> import control, hovercontrol as hc
+    >>> v, a = hc.Signal("v", "m/s"), hc.Signal("a", "m/s^2")
+    >>> cart = hc.Block("cart", [v], [a], [v], derivatives={"v": a.symbol}).to_control(step=0.5)
+    >>> cost = control.optimal.quadratic_cost(cart, [[1.0]], [[1.0]])
+    >>> found = solve_ocp(cart, np.arange(3) * 0.5, [1.0], cost, terminal_cost=cost)
+    >>> found.inputs.round(3).tolist(), found.problem.system_simulations <= 8
+    ([-0.621, -0.276, 0.0], True)
+    """
+    problem = GradientProblem(
+        system,
+        np.asarray(timepts, dtype=float),
+        integral_cost,
+        trajectory_constraints=trajectory_constraints,
+        terminal_cost=terminal_cost,
+        terminal_constraints=terminal_constraints,
+        initial_guess=initial_guess,
+        basis=basis,
+        **options,
+    )
+    return problem.compute_trajectory(
+        np.asarray(initial_state, dtype=float),
+        squeeze=squeeze,
+        transpose=transpose,
+        return_states=return_states,
+        print_summary=print_summary,
+    )
+
+
+class GradientProblem(optimal.OptimalControlProblem):
+    """A problem of python-control with gradients; arguments as for that class.
+
+    Parameters
+    ----------
+    system : control.InputOutputSystem
+        Of a continuous Block.
+    timepts : ndarray, shape (n,)
+        [s]
+    *args, **options
+        As for :class:`control.optimal.OptimalControlProblem`.
+    """
+
+    def __init__(self, system: Any, timepts: Array, *args: Any, **options: Any) -> None:
+        _check(system, timepts)
+        way = "shooting" if isinstance(system, HeldSystem) else "collocation"
+        if options.setdefault("trajectory_method", way) != way:
+            kind = "stepped" if way == "shooting" else "continuous"
+            raise InputError(
+                f"system {system.name!r}: gradients of a {kind} system are for {way}, found "
+                f"{shown(options['trajectory_method'])}; by shooting use to_control(step=...)"
+            )
+        super().__init__(system, timepts, *args, **options)
+        self.minimize_kwargs.setdefault("jac", self._gradient)
+        jacobians = {
+            self._constraint_function: lambda c: self._jacobian(c, equal=False),
+            self._eqconst_function: lambda c: self._jacobian(c, equal=True),
+        }
+        if self.collocation:
+            jacobians[self._collocation_constraint] = self._collocation_jacobian
+        without: list[Any] = self.constraints  # type: ignore[has-type]
+        self.constraints = [
+            NonlinearConstraint(one.fun, one.lb, one.ub, jac=jacobians[one.fun]) for one in without
+        ]
+        self._held: Block | None = None
+        self._at: tuple[bytes, tuple[Array, Array]] | None = None
+
+    def _simulate_states(self, x0: Any, inputs: Any) -> Any:
+        if self.collocation:
+            return super()._simulate_states(x0, inputs)
+        states = [np.array(x0, dtype=float)]
+        for t, u in zip(self.timepts[:-1], np.asarray(inputs).T, strict=False):
+            states.append(self.system._rhs(t, states[-1], u))
+        self.system_simulations += 1
+        return np.array(states).T
+
+    # ---- dx/dc and du/dc of the coefficients c -------------------------------------------------------------
+
+    def _sensitivities(self, c: Array) -> tuple[Array, Array]:
+        """Return dx/dc, shape (times, n_states, n_c), and du/dc, shape (times, n_inputs, n_c)."""
+        key = np.r_[c, self.x].tobytes()
+        if self._at is None or self._at[0] != key:
+            self._at = key, self._new_sensitivities(c)
+        return self._at[1]
+
+    def _new_sensitivities(self, c: Array) -> tuple[Array, Array]:
+        n, m, times = self.system.nstates, self.system.ninputs, len(self.timepts)
+        states, inputs = self._compute_states_inputs(c)
+        own = c.size - (n * times if self.collocation else 0)
+        du = np.zeros((times, m, c.size))
+        for j, unit in enumerate(np.eye(own)):
+            du[:, :, j] = (self._coeffs_to_inputs(unit) if self.basis else unit.reshape(m, -1)).T
+        dx = np.zeros((times, n, c.size))
+        if self.collocation:  # the states are unknowns, row by row after the inputs
+            row, state = np.meshgrid(np.arange(times), np.arange(n), indexing="ij")
+            dx[row, state, own + state * times + row] = 1.0
+            return dx, du
+        # x_k+1 = phi(x_k, u_k):  dx_k+1 = A_k dx_k + B_k du_k
+        for k, (A, B) in enumerate(zip(*self._steps(states, inputs), strict=True)):
+            dx[k + 1] = A @ dx[k] + B @ du[k]
+        return dx, du
+
+    def _steps(self, x: Array, u: Array) -> tuple[Array, Array]:
+        """Return A_k = dphi/dx and B_k = dphi/du of all steps, shapes (steps, n_states, ...)."""
+        block, n, t = self.system.block, self.system.nstates, self.timepts[:-1]
+        x, u, h = x[:, :-1], u[:, :-1], self.system.dt
+        params = getattr(self.system, "_current_params", None) or dict(self.system.params)
+        if switching_conditions(block):
+            rows = zip(t, x.T, u.T, strict=True)
+            found = [step_jacobians(block, a, a + h, b, c, params) for a, b, c in rows]
+            return np.array([A for A, _ in found]), np.array([B for _, B in found])
+        if self._held is None:
+            self._held = _with_held_inputs(block)
+        J = numpy_functions(block).jacobian(t, x, u, params)
+        fastest = np.abs(np.linalg.eigvals(np.moveaxis(J, -1, 0))).max(initial=0.0)
+        pieces = max(LEAST, int(np.ceil(PER_TIME_CONSTANT * fastest * h)))
+        begin = t + np.arange(pieces)[:, None, None] * (h / pieces)
+        step = np.full(begin.shape, h / pieces)
+        start = np.concatenate([x, u])
+        values = block.parameter_values(params, bounded=False)
+        columns = Columns(range(len(start)), [-1] * len(values))
+        nothing = np.zeros((0, *begin.shape))
+        _, slopes = shoot_with_slopes(self._held, begin, step, nothing, {}, values, start, columns)
+        by_step = np.moveaxis(slopes, -1, 0)[:, :n]
+        return by_step[:, :, :n], by_step[:, :, n:]
+
+    # ---- gradients -----------------------------------------------------------------------------------------
+
+    def _gradient(self, c: Array) -> Array:
+        """Return the gradient of the cost, shape (n_c,)."""
+        states, inputs = self._compute_states_inputs(c)
+        dx, du = self._sensitivities(c)
+        # a sum over all but the last time, or the integral by the trapezoidal rule
+        weights = np.append(np.ones(len(self.timepts) - 1), 0.0)
+        if self.system.isctime():
+            weights = np.convolve(np.diff(self.timepts), [0.5, 0.5])
+        total = np.zeros(c.size)
+        for k in np.flatnonzero(weights):
+            by_x, by_u = _slopes(self.integral_cost, states[:, k], inputs[:, k])
+            total += weights[k] * (by_x @ dx[k] + by_u @ du[k])[0]
+        if self.terminal_cost is not None:
+            by_x, by_u = _slopes(self.terminal_cost, states[:, -1], inputs[:, -1])
+            total += (by_x @ dx[-1] + by_u @ du[-1])[0]
+        return total
+
+    def _jacobian(self, c: Array, *, equal: bool) -> Array:
+        """Return the Jacobian of the equality or inequality constraints, in python-control's order."""
+        states, inputs = self._compute_states_inputs(c)
+        dx, du = self._sensitivities(c)
+        every = [(k, one) for k in range(len(self.timepts)) for one in self.trajectory_constraints]
+        every += [(-1, one) for one in self.terminal_constraints]
+        rows = []
+        for k, (kind, of, low, high) in every:
+            if bool(np.all(low == high)) != equal:
+                continue
+            if kind == LinearConstraint:
+                by_x, by_u = np.hsplit(np.atleast_2d(of), [self.system.nstates])
+            else:
+                by_x, by_u = _slopes(of, states[:, k], inputs[:, k])
+            rows.append(by_x @ dx[k] + by_u @ du[k])
+        return np.concatenate(rows)
+
+    def _collocation_jacobian(self, c: Array) -> Array:
+        """Return the Jacobian of the collocation conditions, row by row of the states."""
+        states, inputs = self._compute_states_inputs(c)
+        dx, du = self._sensitivities(c)
+        f, t = numpy_functions(self.system.block), self.timepts
+        at = t, states, inputs, dict(self.system.params)
+        A, B = (np.moveaxis(f.jacobian(*at, "derivatives", by), -1, 0) for by in ("states", "inputs"))
+        rates = A @ dx + B @ du
+        # x_k - x_k-1 - h/2 (f_k + f_k-1) = 0,  x_0 given
+        rows = dx.copy()
+        rows[1:] -= dx[:-1] + np.diff(t)[:, None, None] / 2 * (rates[1:] + rates[:-1])
+        return np.moveaxis(rows, 0, 1).reshape(-1, c.size)
+
+
+def _check(system: Any, timepts: Array) -> None:
+    if not isinstance(system, BlockSystem) or not system.block.states:
+        raise InputError(
+            "solve_ocp: expected the system of a Block with states (block.to_control()), "
+            f"found {shown(system)}"
+        )
+    system.block.need_continuous("gradient", hybrid=False)
+    if timepts.ndim != 1 or len(timepts) < 2 or not (np.diff(timepts) > 0).all():
+        raise InputError(f"solve_ocp: timepts: expected increasing times, found shape {timepts.shape}")
+    if isinstance(system, HeldSystem) and not np.allclose(np.diff(timepts), system.dt, rtol=1e-6):
+        raise InputError(
+            f"solve_ocp: timepts: expected times {system.dt:g} s apart, the step of {system.name!r}, "
+            f"found {np.diff(timepts).min():g} to {np.diff(timepts).max():g} s"
+        )
+
+
+def _with_held_inputs(block: Block) -> Block:
+    """Return the Block with its inputs as further states that stay."""
+    rates = {s.name: block.derivatives[s.name] for s in block.states}
+    rates |= {s.name: sp.S.Zero for s in block.inputs}
+    return block.unchecked(
+        states=(*block.states, *block.inputs),
+        inputs=(),
+        derivatives=Expressions(rates),
+        outputs=(),
+        output_expressions=Expressions({}),
+    )
+
+
+def _slopes(of: Cost, x: Array, u: Array) -> tuple[Array, Array]:
+    """Return the partial derivatives of a function of x and u by central differences, two matrices."""
+    at = np.concatenate([x, u])
+    columns = []
+    for j, value in enumerate(at):
+        step = DIFFERENCE * max(1.0, abs(value))
+        ends = []
+        for sign in (1.0, -1.0):
+            moved = at.copy()
+            moved[j] += sign * step
+            ends.append(np.atleast_1d(np.asarray(of(*np.split(moved, [x.size])), dtype=float)).ravel())
+        columns.append((ends[0] - ends[1]) / (2 * step))
+    found = np.array(columns).T
+    return found[:, : x.size], found[:, x.size :]
