@@ -36,9 +36,6 @@ import sympy as sp
 from hovercontrol.core.signals import Signal
 from hovercontrol.estimators.ins.kalman import Correction, Equations
 
-#: An innovation counts with at most this many standard deviations, which 6 in 10^5 exceed without a change.
-LARGEST = 4.0
-
 
 @dataclass(frozen=True)
 class Bank:
@@ -114,10 +111,7 @@ def write_bank(
     """
     n, m, J = len(plant), len(steps), len(forced)
     root = [write.define(f"root_share[{i}]", sp.sqrt(s.share)) for i, s in enumerate(steps)]
-    seen = [
-        write.define(f"whitened[{i}]", sp.Max(-LARGEST, sp.Min(LARGEST, s.innovation * root[i])))
-        for i, s in enumerate(steps)
-    ]
+    seen = [write.define(f"whitened[{i}]", s.innovation * root[i]) for i, s in enumerate(steps)]
     # columns of the update of the error, and rows of the innovations by the error before the tick
     etas, afters = zip(
         *(through(write, f"unit_{k}", steps, sp.eye(n)[:, k], [sp.S.Zero] * m) for k in range(n)), strict=True
@@ -171,7 +165,7 @@ def write_bank(
         Psi = sp.Matrix(
             n, n,
             lambda i, k, w=w: state(
-                f"Psi[{w},{i},{k}]", f"({plant[i].unit})/({plant[k].unit})", "transition of the filter's error",
+                f"Psi[{w},{i},{k}]", f"({plant[i].unit})/({plant[k].unit})", "transition of the error",
                 1.0 if i == k else 0.0,
             ),
         )  # fmt: skip

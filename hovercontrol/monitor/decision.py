@@ -21,9 +21,6 @@ from hovercontrol.monitor.candidates import Candidate
 #: Likelihood ratio below which a rival is excluded.
 ERROR = 0.01
 
-#: No evidence: where theta has the wrong sign.
-NONE = sp.S.Zero
-
 
 @dataclass(frozen=True)
 class Decision:

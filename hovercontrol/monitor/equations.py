@@ -139,7 +139,7 @@ def monitor_block(
     """
     model, write = design.model, Equations()
     name, plant = model.name, model.plant.states
-    n, m = len(plant), len(model.measured)
+    n = len(plant)
     states = filter_states(model)
     prior = estimate_of(states, n)
     step = fixed("period", design.period, "of the samples")
@@ -157,7 +157,9 @@ def monitor_block(
         )
         for c, v in zip(design.candidates, floors, strict=True)
     ]
-    sensors = check_samples(model, write, prior, step.symbol, dead_after.symbol, repeats=design.repeats)
+    sensors = check_samples(
+        model, write, prior, design.period, step.symbol, dead_after.symbol, repeats=design.repeats
+    )
     steps = corrections(sensors.observed, write, prior)
     now = steps[-1].estimate
     memory = _Memory(design, write, now.x)

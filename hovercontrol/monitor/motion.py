@@ -1,4 +1,4 @@
-"""A motion along which the threshold of a monitor is computed: measured channels and commands, tick by tick."""
+"""The motion along which a monitor's threshold is computed: measured channels and commands at ticks."""
 
 from __future__ import annotations
 

@@ -1,14 +1,13 @@
 """Lost, repeated and outlying samples of a monitor's measured channels, as equations of its Block.
 
 A sample is used if it is marked as present, differs from the sample before, and is not an outlier: an
-innovation of more than :data:`GATE` standard deviations, unless :data:`IN_A_ROW` of them were left out
-already, since a step is then likelier than so many outliers. A sensor is dead if no new sample has come for a
-given time.
+innovation of more than :data:`GATE` standard deviations, unless :data:`PER_SECOND` of them were left out
+within the last second, since a change is then likelier than so many outliers. A sensor is dead if no new
+sample has come for a given time.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import sympy as sp
@@ -18,11 +17,11 @@ from hovercontrol.estimators.filter_equations import expected
 from hovercontrol.estimators.ins.kalman import Equations, Estimate, wrapped
 from hovercontrol.estimators.observed import Observed
 
-#: Standard deviations of its innovation beyond which a sample is an outlier; noise exceeds it once in 5 10^8.
-GATE = 6.0
+#: Standard deviations of its innovation beyond which a sample is an outlier; noise exceeds it once in 2 10^6.
+GATE = 5.0
 
-#: Outliers in a row that are left out.
-IN_A_ROW = 3
+#: Outliers that are left out in a second.
+PER_SECOND = 3
 
 
 @dataclass(frozen=True)
@@ -49,6 +48,7 @@ def check_samples(
     model: Observed,
     write: Equations,
     prior: Estimate,
+    seconds: float,
     period: sp.Expr,
     dead_after: sp.Expr,
     *,
@@ -60,6 +60,8 @@ def check_samples(
     ----------
     prior : Estimate
         Before the measurement update.
+    seconds : float
+        Time between two ticks [s].
     period, dead_after : sympy.Expr
         Time between two ticks, and time without a new sample after which a sensor is dead [s].
     repeats : bool
@@ -72,7 +74,7 @@ def check_samples(
     for i, s in enumerate(model.measured):
         last = Signal(f"last[{i}]", s.unit, f"last value of {s.name}")
         silent = Signal(f"silent[{i}]", "s", f"time without a new sample of {s.name}")
-        left_out = Signal(f"left_out[{i}]", "1", f"outliers of {s.name} in a row")
+        left_out = Signal(f"left_out[{i}]", "1", f"outliers of {s.name} left out within a second")
         states += [last, silent, left_out]
         present = model.fresh[i] > sp.S.Half
         if not repeats:
@@ -85,7 +87,7 @@ def check_samples(
             f"outlier[{i}]",
             sp.Piecewise(
                 (0, received < sp.S.Half),
-                (0, left_out.symbol > IN_A_ROW - sp.S.Half),
+                (0, left_out.symbol > PER_SECOND - 1),
                 (1, away**2 > GATE**2 * variance),
                 (0, True),
             ),
@@ -100,16 +102,6 @@ def check_samples(
         following |= {
             last.name: sp.Piecewise((s.symbol, model.fresh[i] > sp.S.Half), (last.symbol, True)),
             silent.name: quiet,
-            left_out.name: sp.Piecewise(
-                (left_out.symbol, received < sp.S.Half),
-                (left_out.symbol + 1, outlier > sp.S.Half),
-                (sp.S.Zero, away**2 <= GATE**2 * variance),
-                (left_out.symbol, True),
-            ),
+            left_out.name: sp.Max(0, left_out.symbol - sp.Float(PER_SECOND * seconds)) + outlier,
         }
     return Sensors(replace(model, lost=tuple(used)), tuple(states), following, dead)
-
-
-def every_input(model: Observed, others: Sequence[Signal]) -> tuple[Signal, ...]:
-    """Return the inputs of the monitor: those of the filter, then others."""
-    return (*model.inputs, *others)
