@@ -162,7 +162,9 @@ def monitor_block(
     )
     steps = corrections(sensors.observed, write, prior)
     now = steps[-1].estimate
-    memory = _Memory(design, write, now.x)
+    # The candidates act on the true motion: after an alarm, the estimate is corrected by the named change.
+    shift = sp.Matrix([sp.Symbol(f"shift[{i}]", real=True) for i in range(n)])
+    memory = _Memory(design, write, write.matrix("actual", now.x + shift))
     driven = sorted({i for i, s in enumerate(plant) for c in design.candidates if s.name in c.rates})
     h = write.define("substep", step.symbol / design.substeps)
     then, dynamics, every = now, Dynamics(model.plant), []
@@ -189,6 +191,8 @@ def monitor_block(
         write, design.candidates, bank, floor, level.symbol, latched.symbol, sensors.dead, model.measured,
         step.symbol,
     )  # fmt: skip
+    for i in range(n):
+        write.definitions[f"shift[{i}]"] = decision.shift[i]
     restart = sp.Symbol("reset", real=True) > sp.S.Half
     upper = [then.P[i, j] for i in range(n) for j in range(i, n)]
     following = dict(zip((s.name for s in states[:n]), then.x, strict=True))

@@ -149,6 +149,7 @@ def monitor(
         plant, measured, process_noise, measurement_noise, gusts or {}, gust_seconds, coefficient_std or {},
         start_std or {}, name, lost_samples,
     )  # fmt: skip
+    steps = steps_between(plant, tick, name, substeps)
     path = motion_of(plant, measured, tick, motion, name)
     found = candidates_of(craft, candidates, measured, path.sizes, name)
     design = Design(
@@ -159,7 +160,7 @@ def monitor(
         repeats,
         WINDOWS,
         max(1, round(SHORTEST / tick)),
-        steps_between(plant, tick, name, substeps),
+        steps,
     )
     shown = signatures_of(_signatures(design, path), design.first)
     floor = floors(shown)
