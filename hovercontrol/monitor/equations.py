@@ -42,6 +42,8 @@ class Design:
         Number of windows, and ticks after which the first begins anew.
     substeps : int
         Runge-Kutta steps per tick.
+    settle : float
+        Time after the start and after a reset before which the tests do not begin [s].
     """
 
     model: Observed
@@ -52,6 +54,7 @@ class Design:
     windows: int
     first: int
     substeps: int
+    settle: float = 2.0
 
 
 def estimation_model(
@@ -196,6 +199,10 @@ def monitor_block(
     restart = sp.Symbol("reset", real=True) > sp.S.Half
     upper = [then.P[i, j] for i in range(n) for j in range(i, n)]
     following = dict(zip((s.name for s in states[:n]), then.x, strict=True))
+    settle = Signal("settle", "s", "after a start, until the tests begin", start=design.settle, lower=0.0)
+    running = Signal("running", "s", "time since the start, at most `settle`")
+    elapsed = write.define("elapsed", sp.Min(running.symbol + step.symbol, settle.symbol))
+    following[running.name] = sp.Piecewise((sp.S.Zero, restart), (elapsed, True))
     signals = [*states[n:], latched, *bank.states]
     values = dict(zip((s.name for s in states[n:]), upper, strict=True))
     values |= {"latched": decision.alarm} | bank.next_values
@@ -206,19 +213,21 @@ def monitor_block(
     again = {f"P[{i},{i}]": s.symbol**2 for i, s in enumerate(begin)}
     for s in signals:
         start = again.get(s.name, sp.Integer(round(s.start)))
-        following[s.name] = sp.Piecewise((start, restart), (values[s.name], True))
+        begins = restart if s in states else sp.Or(restart, running.symbol < settle.symbol - step.symbol / 2)
+        following[s.name] = sp.Piecewise((start, begins), (values[s.name], True))
     following |= sensors.next_values | memory.next_values
     outputs, shown = decision.outputs, decision.values
     if signatures:
         outputs, shown = _signature_outputs(bank)
     block = Block(
         name,
-        states=(*states, latched, *sensors.states, *memory.states, *bank.states),
+        states=(*states, latched, running, *sensors.states, *memory.states, *bank.states),
         inputs=(*model.inputs, RESET),
         outputs=outputs,
         parameters=(
             step,
             dead_after,
+            settle,
             level,
             *floor,
             *begin,
