@@ -30,7 +30,7 @@ PERIOD, ONSET, AFTER = 0.02, 15.0, 10.0
 NOISE = {"x": 3e-4, "y": 3e-4, "psi": 1e-3}
 PROCESS = {"u": 0.01, "v": 0.01, "r": 0.03}
 GUST, GUST_SECONDS = {"u": 0.05, "v": 0.05, "r": 0.15}, 0.3
-HOURS = 60.0
+HOURS, ASKED = 24.0, 20.0
 RUNS = 48
 
 #: Effects at the middle of the sizes of the blind table.
@@ -77,9 +77,14 @@ def pushed(model: hc.Model) -> hc.Block:
 
 
 def law() -> list[hc.Block]:
-    """Return the reference and the controller, which reads the motion without noise."""
+    """Return the reference, the controller, which reads the true motion, and the hold of its commands."""
     way = hc.ellipse(1.4, 2.0, 0.7, 0.0)
-    return [way, hc.tracking_controller(craft(), control_point=0.6, k1=1.0, k2=1.5)]
+    controller = hc.tracking_controller(craft(), control_point=0.6, k1=1.0, k2=1.5)
+    sent = [hc.Signal("thrust", "1"), hc.Signal("rudder", "rad")]
+    wanted = [s.replace(name=f"{s.name}_wanted") for s in sent]
+    values = {s.name: w.symbol for s, w in zip(sent, wanted, strict=True)}
+    hold = hc.Block("hold", [], wanted, sent, output_expressions=values, period=PERIOD)
+    return [way, hc.rename(controller, {s.name: w.name for s, w in zip(sent, wanted, strict=True)}), hold]
 
 
 def disturbed(gusts: bool, salt: str) -> hc.Block:
@@ -200,17 +205,15 @@ def bound(run: Ticking, log: dict[str, Array], rate: float) -> float:
 def rows(hours: float = HOURS) -> Iterator[tuple[str, str, str, bool | None]]:
     log = motion()
     for gusts in (False, True):
-        block = watch(
-            log, ["thrust", "yaw_linear_drag", "surge_quadratic_drag", "slope", "rudder_offset"], 4.0, gusts
-        )
+        block = watch(log, FEW, ASKED, gusts)
         count, simulated = false_alarms(block, hours, gusts)
         low, high = stats.chi2.ppf(0.025, 2 * count) / 2, stats.chi2.ppf(0.975, 2 * count + 2) / 2
         label = "with gusts" if gusts else "white noise"
         yield (
-            f"false alarms in {simulated:.0f} h, {label}, asked for 4 in 1 h",
+            f"false alarms in {simulated:.0f} h, {label}, asked for {ASKED:g} in 1 h",
             f"{count / simulated:.2f} in 1 h ({low / simulated:.2f} to {high / simulated:.2f})",
-            "4 +- 10 %",
-            low / simulated < 4.4 and high / simulated > 3.6,
+            f"{ASKED:g} +- 10 %",
+            abs(count / simulated / ASKED - 1) <= 0.1,
         )
     yield from delays(log)
 
@@ -219,7 +222,7 @@ def delays(log: hc.Log, rate: float = 1.0, seeds: int = 5) -> Iterator[tuple[str
     block = watch(log, CANDIDATES, rate, False)
     compiled, run, names = block.compile(), information(block), named_effects(block)
     channels = [s.name for s in block.outputs]
-    ratios, right, alone, within, all_delays, total = [], 0, 0, 0, [], 0
+    right, alone, within, all_delays, total = 0, 0, 0, [], 0
     for name in CASES:
         least, took = bound(run, changed(name, 0, noisy=False), rate), []
         told = []
@@ -245,7 +248,6 @@ def delays(log: hc.Log, rate: float = 1.0, seeds: int = 5) -> Iterator[tuple[str
             within += best == wanted and error < 2 * float(out["change_std"][k])
         all_delays += took
         mean = float(np.mean(took)) if took else float("inf")
-        ratios.append(mean / least if least > 0 else float("inf"))
         yield (
             f"delay, {name}",
             f"{mean:.2f} s of {len(took)} ({', '.join(told)})",
@@ -256,14 +258,24 @@ def delays(log: hc.Log, rate: float = 1.0, seeds: int = 5) -> Iterator[tuple[str
     yield "right name within 5 s, alone or among 3", f"{right} of {total}", "95 %", right >= 0.95 * total
     yield "wrong name alone", f"{alone} of {total}", "1 %", alone <= 0.01 * total
     yield "coefficient within 2 standard deviations", f"{within} of {right}", "90 %", within >= 0.9 * right
-    begin, t = time.process_time(), PERIOD * np.arange(0.0, 20001.0)
-    runner = compiled.start()
-    zero = np.zeros(len(block.inputs))
-    for _ in range(5000):
-        runner.step(zero, PERIOD)
-    yield "one tick, 12 candidates", f"{(time.process_time() - begin) / 5000 * 1e6:.1f} us", "5 us", None
+    yield "one tick, 12 candidates", f"{tick_time(block, log):.1f} us", "5 us", None
     size = 8 * len(block.states)
     yield "state", f"{size} bytes", "32 kB", size < 32768
+
+
+def tick_time(block: hc.Block, log: hc.Log) -> float:
+    """Return the processor time of a step of the compiled monitor, from Python [us]; the least of 5."""
+    given = [s.name for s in block.inputs]
+    rng = np.random.default_rng(1)
+    seen = {k: v + NOISE.get(k, 0.0) * rng.normal(size=v.size) for k, v in log.columns.items()}
+    data = np.stack([seen.get(k, np.zeros(log.time.size)) for k in given], axis=1)
+    spent = []
+    for _ in range(5):
+        runner, begin = block.compile().start(), time.process_time()
+        for row in data:
+            runner.step(row, PERIOD)
+        spent.append((time.process_time() - begin) / len(data))
+    return min(spent) * 1e6
 
 
 if __name__ == "__main__":

@@ -172,7 +172,8 @@ def write_bank(
     information: list[list[sp.Expr]] = [[] for _ in range(J)]
     signature: list[list[list[sp.Expr]]] = [[] for _ in range(J)]
     age: list[sp.Expr] = []
-    transitions, beginnings = [], []
+    transitions: list[sp.Matrix] = []
+    beginnings: list[list[sp.Matrix]] = []
     before: dict[str, sp.Expr] = {}
     for w in range(windows):
         Psi = sp.Matrix(

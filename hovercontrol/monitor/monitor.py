@@ -194,7 +194,7 @@ def tests_along(design: Design, path: Motion) -> tuple[Signatures, NDArray[np.fl
 
 
 def _signatures(design: Design, path: Motion) -> NDArray[np.float64]:
-    """Return the signatures along a motion, shape (K, W, J, m)."""
+    """Return the signatures along a motion after the filter has settled, shape (K, W, J, m)."""
     block = monitor_block(design, 1.0, [1.0] * len(design.candidates), signatures=True)
     run, names = Ticking(block), [s.name for s in (*design.model.measured, *design.model.plant.inputs)]
     others = {s.name: s.start for s in block.inputs if s.name not in names}
@@ -208,7 +208,8 @@ def _signatures(design: Design, path: Motion) -> NDArray[np.float64]:
             )
         )
     shape = (-1, len(design.candidates), design.windows, len(design.model.measured))
-    return np.array(rows).reshape(shape).swapaxes(1, 2)
+    settled = min(round(design.settle / design.period), len(rows) // 2)
+    return np.array(rows[settled:]).reshape(shape).swapaxes(1, 2)
 
 
 def named_effects(block: Block) -> list[str]:
