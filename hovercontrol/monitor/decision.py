@@ -49,6 +49,7 @@ def decide(
     floors: Sequence[Signal],
     threshold: sp.Expr,
     latched: sp.Expr,
+    settled: sp.Expr,
     dead: Sequence[sp.Expr],
     channels: Sequence[Signal],
     period: sp.Expr,
@@ -61,6 +62,8 @@ def decide(
         J0 of each candidate.
     latched : sympy.Expr
         1 if an alarm was raised before.
+    settled : sympy.Expr
+        1 once the tests have begun.
     dead : sequence of sympy.Expr
         1 for each dead sensor, of `channels`.
     """
@@ -75,7 +78,9 @@ def decide(
             every.append((g, j, w))
         largest.append(write.define(f"evidence_{c.name}", sp.Max(*mine)))
     best = write.define("evidence", sp.Max(*largest))
-    alarm = write.define("test_alarm", sp.Piecewise((1, best > threshold), (latched, True)))
+    alarm = write.define(
+        "test_alarm", sp.Piecewise((1, sp.And(best > threshold, settled > sp.S.Half)), (latched, True))
+    )
 
     def of_best(name: str, values: Sequence[sp.Expr]) -> sp.Expr:
         pairs = [(v, g >= best) for v, (g, _, _) in zip(values[:-1], every[:-1], strict=True)]

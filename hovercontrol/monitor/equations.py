@@ -186,21 +186,23 @@ def monitor_block(
         forced.append(g)
     bias = [[memory.at(c, c.seen.get(s.name, sp.S.Zero)) for s in model.measured] for c in design.candidates]
     latched = Signal("latched", "1", "1 after an alarm")
+    settle = Signal("settle", "s", "after a start, until the tests begin", start=design.settle, lower=0.0)
+    running = Signal("running", "s", "time since the start, at most `settle`")
+    begun = running.symbol >= settle.symbol - step.symbol / 2
+    settled = write.define("settled", sp.Piecewise((1, begun), (0, True)))
     bank = write_bank(
         write, plant, steps, Phi, forced, bias,
         windows=design.windows, first=design.first, hold=sp.Symbol("test_alarm", real=True),
     )  # fmt: skip
     decision = decide(
-        write, design.candidates, bank, floor, level.symbol, latched.symbol, sensors.dead, model.measured,
-        step.symbol,
+        write, design.candidates, bank, floor, level.symbol, latched.symbol, settled, sensors.dead,
+        model.measured, step.symbol,
     )  # fmt: skip
     for i in range(n):
         write.definitions[f"shift[{i}]"] = decision.shift[i]
     restart = sp.Symbol("reset", real=True) > sp.S.Half
     upper = [then.P[i, j] for i in range(n) for j in range(i, n)]
     following = dict(zip((s.name for s in states[:n]), then.x, strict=True))
-    settle = Signal("settle", "s", "after a start, until the tests begin", start=design.settle, lower=0.0)
-    running = Signal("running", "s", "time since the start, at most `settle`")
     elapsed = write.define("elapsed", sp.Min(running.symbol + step.symbol, settle.symbol))
     following[running.name] = sp.Piecewise((sp.S.Zero, restart), (elapsed, True))
     signals = [*states[n:], latched, *bank.states]
@@ -213,7 +215,7 @@ def monitor_block(
     again = {f"P[{i},{i}]": s.symbol**2 for i, s in enumerate(begin)}
     for s in signals:
         start = again.get(s.name, sp.Integer(round(s.start)))
-        begins = restart if s in states else sp.Or(restart, running.symbol < settle.symbol - step.symbol / 2)
+        begins = restart if s in states else sp.Or(restart, settled < sp.S.Half)
         following[s.name] = sp.Piecewise((start, begins), (values[s.name], True))
     following |= sensors.next_values | memory.next_values
     outputs, shown = decision.outputs, decision.values
