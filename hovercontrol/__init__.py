@@ -70,6 +70,7 @@ if TYPE_CHECKING:
     from hovercontrol.models.modelfile import load_model, save_model
     from hovercontrol.models.parameters import load_parameters, save_parameters
     from hovercontrol.models.vehicles import VEHICLES, vehicle
+    from hovercontrol.monitor.monitor import monitor
     from hovercontrol.simulation.trajectory import simulate
     from hovercontrol.targets.optimal_control import solve_ocp
     from hovercontrol.targets.trim import Trim
@@ -137,6 +138,7 @@ __all__ = [
     "with_disturbances",
     "observability",
     "regression",
+    "monitor",
     "simulate",
     # guidance
     "line_of_sight",

@@ -143,7 +143,7 @@ def extended_kalman(
     now = corrected(model, write, estimate)
     then, dynamics, h = now, Dynamics(model.plant), write.define("substep", step.symbol / n)
     for k in range(n):
-        then = predict(dynamics, write, f"step_{k}", then, model.intensities, time + k * h, h)
+        then = predict(dynamics, write, f"step_{k}", then, model.intensities, time + k * h, h).estimate
     return sampled_block(model, states, write, now, then, step)
 
 

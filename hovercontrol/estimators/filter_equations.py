@@ -9,7 +9,7 @@ import sympy as sp
 from hovercontrol.core.block import Block
 from hovercontrol.core.derivatives import partial_derivatives
 from hovercontrol.core.signals import Signal, time
-from hovercontrol.estimators.ins.kalman import Equations, Estimate, wrapped
+from hovercontrol.estimators.ins.kalman import Correction, Equations, Estimate, wrapped
 from hovercontrol.estimators.observed import Observed, measured_expressions
 from hovercontrol.estimators.propagation import written_at
 
@@ -69,21 +69,28 @@ def shares(model: Observed) -> list[sp.Expr]:
     return [sp.Piecewise((1, fresh > sp.S.Half), (0, True)) for fresh in model.fresh]
 
 
-def corrected(model: Observed, write: Equations, prior: Estimate) -> Estimate:
-    """Add the measurement update.
+def corrections(model: Observed, write: Equations, prior: Estimate) -> list[Correction]:
+    """Write the measurement update; return the update by each measurement, in order.
 
     Scalar measurements are processed one after the other. All are linearised at the prediction x0, so the
     result equals that of one update with the whole vector. With x the estimate after the first k - 1
     measurements, the innovation of the k-th is ``y_k - h_k(x0) - H_k (x - x0)``.
     """
     h, H = expected(model, write, prior.x)
-    estimate = prior
+    estimate, every = prior, []
     for i, first in enumerate(innovations(model, write, h)):
         row = H[i, :]
         moved = (row * (estimate.x - prior.x))[0] if i else sp.S.Zero
         variance = model.noise[i].symbol ** 2
-        estimate = write.correct(f"measured_{i}", estimate, row, first - moved, variance, model.fresh[i])
-    return estimate
+        one = write.correct(f"measured_{i}", estimate, row, first - moved, variance, model.fresh[i])
+        estimate = one.estimate
+        every.append(one)
+    return every
+
+
+def corrected(model: Observed, write: Equations, prior: Estimate) -> Estimate:
+    """Write the measurement update (:func:`corrections`); return the estimate after it."""
+    return corrections(model, write, prior)[-1].estimate
 
 
 def sampled_block(

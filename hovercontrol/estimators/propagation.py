@@ -193,6 +193,26 @@ def collected(
     return sp.Matrix(*P.shape, entry)
 
 
+@dataclass(frozen=True)
+class Prediction:
+    """A state and its covariance one step later, and how the state before the step enters.
+
+    Attributes
+    ----------
+    estimate : Estimate
+        After the step.
+    Phi : sympy.Matrix, shape (n, n)
+        Transition matrix of the step.
+    drive : dict of int to sympy.Matrix, shape (n, 1)
+        For each driven state, the change of the state after the step per unit of a rate that is added to its
+        derivative during the step.
+    """
+
+    estimate: Estimate
+    Phi: sp.Matrix
+    drive: dict[int, sp.Matrix]
+
+
 def predict(
     dynamics: Dynamics,
     write: Equations,
@@ -201,7 +221,9 @@ def predict(
     Q: Mapping[int, sp.Expr],
     when: sp.Expr,
     h: sp.Expr,
-) -> Estimate:
+    *,
+    driven: Sequence[int] = (),
+) -> Prediction:
     """Write the state and its covariance one step later.
 
     Parameters
@@ -212,6 +234,8 @@ def predict(
         Noise intensity by the index of the state; states without noise are omitted.
     when, h : sympy.Expr
         Start time and length of the step [s].
+    driven : sequence of int, optional
+        States for which the result has ``drive``.
     """
     # P(t + h) = Phi (P + h/6 Q) Phi' + 4 h/6 Phi_2 Q Phi_2' + h/6 Q.
     n = estimate.P.rows
@@ -228,9 +252,15 @@ def predict(
     )
     half = write.matrix(f"{name}_half", Phi * begin)
     moved = sp.Matrix(n, n, lambda i, j: sum(half[i, k] * Phi[j, k] for k in range(n)))
-    whole = collected(moved, middle_columns(write, name, step.F, h, list(Q)), Q, h)
+    middle = middle_columns(write, name, step.F, h, sorted({*Q, *driven}))
+    whole = collected(moved, middle, Q, h)
     upper = {(i, j): whole[i, j] for i in range(n) for j in range(i, n)}
-    return Estimate(step.x, write.symmetric(f"{name}_P", n, upper))
+    # Simpson's rule for the integral of Phi(t + h, s) e_j ds: h/6 (Phi e_j + 4 Phi_2 e_j + e_j).
+    drive = {
+        j: write.matrix(f"{name}_drive_{j}", h / 6 * (Phi[:, j] + 4 * middle[j] + sp.eye(n)[:, j]))
+        for j in driven
+    }
+    return Prediction(Estimate(step.x, write.symmetric(f"{name}_P", n, upper)), Phi, drive)
 
 
 def steps_between(plant: Block, period: float, name: str, given: int | None = None) -> int:

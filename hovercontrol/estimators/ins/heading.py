@@ -66,7 +66,7 @@ def heading_filter(
     # The outputs are psi_hat = psi_ins - dpsi and r_hat = r - b_g.
     seen = wrapped(psi_ins.symbol - HEADING_AID.symbol - expected.x[0])
     H = sp.Matrix([dpsi]).jacobian([dpsi, b_g])
-    new = equations.correct("heading_aid", expected, H, seen, R.symbol, use.symbol)
+    new = equations.correct("heading_aid", expected, H, seen, R.symbol, use.symbol).estimate
     outputs = (
         PSI_HAT,
         Signal("r_hat", "rad/s", "yaw rate, estimated"),

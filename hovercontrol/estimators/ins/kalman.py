@@ -29,6 +29,30 @@ class Estimate:
     P: sp.Matrix
 
 
+@dataclass(frozen=True)
+class Correction:
+    """What the update by one scalar measurement computes, as expressions.
+
+    Attributes
+    ----------
+    H : sympy.Matrix, shape (1, n)
+        Derivative of the measured number with respect to the values.
+    K : sympy.Matrix, shape (n, 1)
+        Gain; zero without a measurement.
+    innovation, variance, share : sympy.Expr
+        Innovation, its variance S, and 1/S; innovation and share are zero without a measurement.
+    estimate : Estimate
+        After the update.
+    """
+
+    H: sp.Matrix
+    K: sp.Matrix
+    innovation: sp.Expr
+    variance: sp.Expr
+    share: sp.Expr
+    estimate: Estimate
+
+
 class Equations:
     """Collect the named intermediate expressions (definitions) of a Block.
 
@@ -89,7 +113,7 @@ class Equations:
         valid: sp.Symbol,
         *,
         considered: Mapping[int, sp.Expr] | None = None,
-    ) -> Estimate:
+    ) -> Correction:
         """Add the update by one scalar measurement; without a measurement the estimate does not change.
 
         [K06 eq 3.15, 3.16, 3.17]
@@ -111,6 +135,10 @@ class Equations:
             Factors on the gains of some values. With a factor of 0 the measurement changes neither the value
             nor its variance, but the uncertainty of the value still enters all other updates
             (Schmidt-Kalman filter).
+
+        Returns
+        -------
+        Correction
         """
         # S = H P H^T + R,  K_i = a_i (P H^T)_i / S with the factors a_i = considered[i] (1 if not given),
         # x+ = x + K nu.  Joseph's form, expanded with kept = (I - K H) P and rest = kept H^T:
@@ -134,7 +162,7 @@ class Equations:
         rest = [self.define(f"{name}_rest[{i}]", sum(kept[i, j] * H[j] for j in used)) for i in range(n)]
         entries = {(i, j): kept[i, j] + (K[i] * R - rest[i]) * K[j] for i in range(n) for j in range(i, n)}
         x = self.matrix(f"{name}_x", estimate.x + K * seen)
-        return Estimate(x, self.symmetric(f"{name}_P", n, entries))
+        return Correction(H, K, seen, S, share, Estimate(x, self.symmetric(f"{name}_P", n, entries)))
 
 
 @dataclass(frozen=True)

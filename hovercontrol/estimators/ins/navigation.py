@@ -262,4 +262,4 @@ def _corrected(
         aid.variance.symbol,
         aid.valid.symbol,
         considered={0: excited, 5: excited},
-    )
+    ).estimate

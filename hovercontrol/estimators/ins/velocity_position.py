@@ -117,7 +117,7 @@ def velocity_position_filter(
         H = sp.Matrix([dr[axis]]).jacobian(x)
         # [K06 eq 3.36, 3.37] The position error is measured as z = r_ins - r_fix; the innovation is z - dr.
         seen = _INS[2 + axis].symbol - aid.symbol - new.x[2 + axis]
-        new = equations.correct(aid.name, new, H, seen, R[axis].symbol, use.symbol)
+        new = equations.correct(aid.name, new, H, seen, R[axis].symbol, use.symbol).estimate
     v = sp.Matrix([_INS[i].symbol - new.x[i] for i in (0, 1)])
     r = sp.Matrix([_INS[2 + i].symbol - new.x[2 + i] for i in (0, 1)])
     told = motion_outputs(PSI_HAT.symbol, v, r, new.x[4:6, 0])

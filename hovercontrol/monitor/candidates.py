@@ -1,0 +1,256 @@
+"""Candidates of a monitor: what each possible change adds to the plant's derivatives and measurements.
+
+A change of amplitude theta adds ``theta a`` to the derivatives of the states and ``theta b`` to the measured
+values. For a coefficient c that enters linearly, a = df/dc and b = dh/dc. For a shape parameter s (a lag, a
+dead zone), a is the secant from the neutral value to a trial value: ``a = f(s_trial) - f(s_neutral)``, and
+theta is the part of the trial's distance from the neutral value.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import sympy as sp
+
+from hovercontrol.core.block import Block
+from hovercontrol.core.signals import Signal
+from hovercontrol.effects import Effect, Shape
+from hovercontrol.errors import InputError, did_you_mean, shown
+from hovercontrol.estimators.observed import owned
+from hovercontrol.models.base import shown_by
+from hovercontrol.models.blockmodel import BlockModel
+from hovercontrol.models.model import Model
+
+Craft = Model | BlockModel
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One possible change.
+
+    Attributes
+    ----------
+    name : str
+        Of the effect, of the model's own coefficient, or ``NAME_bias``.
+    unit : str
+        Of its coefficient.
+    neutral : sympy.Expr
+        Coefficient without the change: 0, or the symbol of the model's own coefficient.
+    scale : float
+        Change of the coefficient for theta = 1.
+    sign : int
+        1 if theta cannot be negative, -1 if it cannot be positive, else 0.
+    rates : dict of str to sympy.Expr
+        a, by the name of the state.
+    seen : dict of str to sympy.Expr
+        b, by the name of the measured channel.
+    memory : dict of Signal to sympy.Expr
+        The effect's own states and their derivatives.
+    delay : float
+        Time by which the commands in `rates` are late [s]: ``rates`` is f of the late commands minus f of the
+        present ones. Late commands have the symbols ``NAME_late``.
+    parameters : tuple of Signal
+        Parameters in the expressions that the model does not have.
+    """
+
+    name: str
+    unit: str
+    neutral: sp.Expr
+    scale: float
+    sign: int
+    rates: dict[str, sp.Expr] = field(default_factory=dict)
+    seen: dict[str, sp.Expr] = field(default_factory=dict)
+    memory: dict[Signal, sp.Expr] = field(default_factory=dict)
+    delay: float = 0.0
+    parameters: tuple[Signal, ...] = ()
+
+
+def candidates_of(
+    model: Craft,
+    wanted: Sequence[str | Effect] | None,
+    measured: Sequence[str],
+    sizes: Mapping[str, float],
+    name: str,
+) -> list[Candidate]:
+    """Return the candidates of a monitor, in the given order.
+
+    Parameters
+    ----------
+    wanted : sequence of str or Effect, or None
+        None: each coefficient of the model that enters linearly, and a bias of each measured channel.
+    sizes : mapping of str to float
+        Typical size of each input and state along the motion, by name.
+    name : str
+        Of the monitor.
+
+    Raises
+    ------
+    InputError
+        If a name is unknown or given twice, or a candidate changes neither a derivative nor a measured
+        channel.
+    """
+    plant = model.plant()
+    if wanted is None:
+        wanted = [*model.linear_coefficients(), *(f"{channel}_bias" for channel in measured)]
+    found: list[Candidate] = []
+    for one in wanted:
+        found += _made(model, plant, one, measured, sizes, name)
+    names = [c.name for c in found]
+    if not names:
+        raise InputError(f"{name}: candidates: expected at least one")
+    for key in names:
+        if names.count(key) > 1:
+            raise InputError(f"{name}: candidates: {key!r} is listed twice")
+    for c in found:
+        if not c.rates and not c.seen:
+            raise InputError(
+                f"{name}: candidate {c.name!r} changes neither a derivative of the model nor one of the "
+                f"measured channels {', '.join(measured)}"
+            )
+    return found
+
+
+def _made(
+    model: Craft,
+    plant: Block,
+    one: str | Effect,
+    measured: Sequence[str],
+    sizes: Mapping[str, float],
+    name: str,
+) -> list[Candidate]:
+    if isinstance(one, Effect):
+        return _of_effect(model, plant, type(one), one, measured, name)
+    own = {model.coefficient_name(key): key for key in model.coefficients()}
+    if one in own:
+        return [_of_coefficient(plant, one, measured, name)]
+    channel = one.removesuffix("_bias")
+    if one.endswith("_bias") and channel in measured:
+        unit = plant.signal(shown_by([s.name for s in plant.outputs], channel)).unit
+        scale = _constant(f"scale_{one}", unit, 1.0)
+        return [Candidate(one, unit, sp.S.Zero, 1.0, 0, seen={channel: scale.symbol}, parameters=(scale,))]
+    try:
+        cls = model.effect_class(one)
+    except InputError:
+        known = [*own, *(f"{c}_bias" for c in measured), *(c.name for c in model.candidates())]
+        raise InputError(f"{name}: candidates: unknown name {shown(one)}{did_you_mean(one, known)}") from None
+    return _of_effect(model, plant, cls, _trial(cls, model, sizes), measured, name)
+
+
+def _trial(cls: type[Effect], model: Craft, sizes: Mapping[str, float]) -> Effect:
+    """Return an effect at trial values: the middle of those from which a search for it starts."""
+    values = {}
+    for key, number in cls.numbers.items():
+        if isinstance(number, Shape) and number.search:
+            scale = 1.0
+            if number.of == "input":
+                scale = max((sizes[n] for n in model.input_units() if n in sizes), default=1.0)
+            elif number.of == "speed":
+                scale = sizes.get(cls.axis, 1.0)
+            values[key] = number.search[len(number.search) // 2] * scale
+        elif math.isfinite(number.neutral):
+            values[key] = number.neutral + 1.0
+        else:
+            values[key] = number.default if number.default is not None else 0.01
+    return cls.within_bounds(**values)
+
+
+def _of_coefficient(plant: Block, key: str, measured: Sequence[str], name: str) -> Candidate:
+    """Return the change of a coefficient that the model has."""
+    block = owned(plant, name)
+    symbol, unit = block.parameter(key).symbol, block.parameter(key).unit
+    scale = _constant(f"scale_{key}", unit, 1.0)
+
+    def slope(e: sp.Expr) -> sp.Expr:
+        return scale.symbol * sp.diff(block.expand(e), symbol)
+
+    rates = {s.name: slope(block.derivatives[s.name]) for s in block.states}
+    outputs = [s.name for s in block.outputs]
+    values = {s.name: s.symbol for s in block.states} | dict(block.output_expressions)
+    seen = {c: slope(values[shown_by(outputs, c)]) for c in measured}
+    return Candidate(key, unit, symbol, 1.0, 0, _nonzero(rates), _nonzero(seen), parameters=(scale,))
+
+
+def _of_effect(
+    model: Craft, plant: Block, cls: type[Effect], trial: Effect, measured: Sequence[str], name: str
+) -> list[Candidate]:
+    """Return the candidates of an effect that the model lacks, one for each number that scales it."""
+    if any(e.name == cls.name for e in model.effects):
+        raise InputError(
+            f"{name}: candidates: the model has the effect {cls.name!r}: name the coefficient that may change"
+        )
+    if trial.moment():
+        raise InputError(
+            f"{name}: candidate {cls.name!r} is a change at one time: name the coefficients that may change"
+        )
+    scaling = [k for k, n in cls.numbers.items() if not math.isnan(n.neutral)]
+    if not scaling and trial == trial.neutral():
+        return [_against(model, plant, trial, "", measured, name)]
+    return [_against(model, plant, trial, key, measured, name) for key in scaling]
+
+
+def _against(
+    model: Craft, plant: Block, trial: Effect, key: str, measured: Sequence[str], name: str
+) -> Candidate:
+    """Return the candidate whose amplitude is one number of a trial, the other amplitudes neutral."""
+    cls = type(trial)
+    if key:
+        trial = trial.within_bounds(**{**trial.neutral().values, key: trial.values[key]})
+    number = cls.numbers[key] if key else None
+    neutral = number.neutral if number else 0.0
+    scale = trial.values[key] - neutral if key else 1.0
+    without, extended = owned(plant, name), owned(model.with_effects([trial]).plant(), name)
+    own = {k: extended.parameter(trial.parameter(k)) for k in trial.values}
+    numbers = {
+        own[k].symbol: sp.Float(v)
+        for k, v in trial.values.items()
+        if k != key and not math.isnan(cls.numbers[k].neutral)
+    }
+    kept = [p.replace(lower=p.start, upper=p.start) for p in own.values() if p.symbol not in numbers]
+    every = {p.symbol: p.start for p in extended.parameters}
+    delays = {float(e.subs(every)) for e in extended.delays.values()}
+    delay = delays.pop() if delays else 0.0
+    late = {s.symbol: sp.Symbol(f"{s.name}_late", real=True) for s in extended.inputs} if delay else {}
+
+    def change(after: sp.Expr, before: sp.Expr) -> sp.Expr:
+        return sp.sympify(extended.expand(after).xreplace(numbers).xreplace(late) - without.expand(before))
+
+    rates = {
+        s.name: change(extended.derivatives[s.name], without.derivatives[s.name]) for s in without.states
+    }
+    memory = {
+        s: extended.expand(extended.derivatives[s.name]).xreplace(numbers)
+        for s in extended.states
+        if s.name not in without.derivatives
+    }
+    new, old = [s.name for s in extended.outputs], [s.name for s in without.outputs]
+    after = {s.name: s.symbol for s in extended.states} | dict(extended.output_expressions)
+    before = {s.name: s.symbol for s in without.states} | dict(without.output_expressions)
+    seen = {c: change(after[shown_by(new, c)], before[shown_by(old, c)]) for c in measured}
+    sign = 0
+    if number is not None and number.lower >= number.neutral:
+        sign = 1
+    elif number is not None and number.upper <= number.neutral:
+        sign = -1
+    lone = sum(not math.isnan(n.neutral) for n in cls.numbers.values()) <= 1
+    return Candidate(
+        cls.name if lone else cls.parameter(key),
+        extended.parameter(cls.parameter(key)).unit if key else "1",
+        sp.Float(neutral),
+        scale,
+        sign * (1 if scale > 0 else -1),
+        _nonzero(rates),
+        _nonzero(seen),
+        memory,
+        delay,
+        tuple(kept),
+    )
+
+
+def _nonzero(changes: Mapping[str, sp.Expr]) -> dict[str, sp.Expr]:
+    return {key: e for key, e in changes.items() if sp.expand(e) != 0}
+
+
+def _constant(name: str, unit: str, value: float) -> Signal:
+    return Signal(name, unit, "change for theta = 1; fixed", start=value, lower=value, upper=value)

@@ -1,0 +1,174 @@
+"""The decision of a monitor: alarm, name, coefficient and rivals, as equations of its Block.
+
+The alarm is raised when the largest g of all candidates and windows exceeds the threshold, and stays until a
+reset. The name is the candidate with the largest g. A rival cannot be told apart yet if its largest g is
+within ``2 ln(1/error)`` of that: its likelihood is at least `error` times as large.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import sympy as sp
+
+from hovercontrol.core.signals import Signal
+from hovercontrol.estimators.ins.kalman import Equations
+from hovercontrol.monitor.bank import Bank
+from hovercontrol.monitor.candidates import Candidate
+
+#: Likelihood ratio below which a rival is excluded.
+ERROR = 0.01
+
+
+@dataclass(frozen=True)
+class Decision:
+    """Outputs of a monitor and their expressions.
+
+    Attributes
+    ----------
+    outputs : tuple of Signal
+    values : dict of str to sympy.Expr
+    alarm : sympy.Expr
+        1 if a test has raised an alarm, at this tick or before.
+    shift : sympy.Matrix, shape (n, 1)
+        After an alarm, the error of the updated estimate by the named change.
+    """
+
+    outputs: tuple[Signal, ...]
+    values: dict[str, sp.Expr]
+    alarm: sp.Expr
+    shift: sp.Matrix
+
+
+def decide(
+    write: Equations,
+    candidates: Sequence[Candidate],
+    bank: Bank,
+    floors: Sequence[Signal],
+    threshold: sp.Expr,
+    latched: sp.Expr,
+    settled: sp.Expr,
+    dead: Sequence[sp.Expr],
+    channels: Sequence[Signal],
+    period: sp.Expr,
+) -> Decision:
+    """Write the decision.
+
+    Parameters
+    ----------
+    floors : sequence of Signal
+        J0 of each candidate.
+    latched : sympy.Expr
+        1 if an alarm was raised before.
+    settled : sympy.Expr
+        1 once the tests have begun.
+    dead : sequence of sympy.Expr
+        1 for each dead sensor, of `channels`.
+    """
+    every = []  # (g, candidate, window)
+    largest = []
+    for j, c in enumerate(candidates):
+        mine = []
+        for w, (b, info) in enumerate(zip(bank.score[j], bank.information[j], strict=True)):
+            score = sp.Max(0, c.sign * b) if c.sign else b
+            g = write.define(f"g[{w},{j}]", score**2 / (info + floors[j].symbol))
+            mine.append(g)
+            every.append((g, j, w))
+        largest.append(write.define(f"evidence_{c.name}", sp.Max(*mine)))
+    best = write.define("evidence", sp.Max(*largest))
+    alarm = write.define(
+        "test_alarm", sp.Piecewise((1, sp.And(best > threshold, settled > sp.S.Half)), (latched, True))
+    )
+
+    def of_best(name: str, values: Sequence[sp.Expr]) -> sp.Expr:
+        pairs = [(v, g >= best) for v, (g, _, _) in zip(values[:-1], every[:-1], strict=True)]
+        return write.define(name, sp.Piecewise(*pairs, (values[-1], True), evaluate=False))
+
+    at = [(j, w) for _, j, w in every]
+    which = of_best("best", [sp.Integer(j + 1) for j, _ in at])
+    b = of_best("best_b", [bank.score[j][w] for j, w in at])
+    info = of_best("best_J", [bank.information[j][w] for j, w in at])
+    of_best("best_window", [sp.Integer(w) for _, w in at])
+    age = of_best("best_age", [bank.age[w] for _, w in at])
+    outputs, values = [], {}
+
+    def output(signal: Signal, value: sp.Expr) -> None:
+        outputs.append(signal)
+        values[signal.name] = value
+
+    names = [c.name for c in candidates]
+    anything = write.define("any_dead", sp.Max(*dead))
+    told = alarm > sp.S.Half
+    listed = [f"{k + 1} {n}" for k, n in enumerate(names)]
+    listed += [f"{len(names) + k + 1} {s.name}" for k, s in enumerate(channels)]
+    output(
+        Signal("alarm", "1", "1 from an alarm on until a reset, and while a sensor is dead"),
+        sp.Max(alarm, anything),
+    )
+    sensors = [(sp.Integer(len(names) + k + 1), d > sp.S.Half) for k, d in enumerate(dead)]
+    output(
+        Signal("effect", "1", f"0 none; {', '.join(listed)}; from {len(names) + 1} on: dead sensors"),
+        sp.Piecewise(*sensors, (which, told), (sp.S.Zero, True), evaluate=False),
+    )
+    output(Signal("evidence", "1", "largest g; alarm above the threshold"), best)
+    floor = sp.Max(info, 1e-300)
+    theta = write.define("theta", sp.Piecewise((b / floor, told), (0, True)))
+    spread = write.define("theta_std", sp.Piecewise((1 / sp.sqrt(floor), told), (0, True)))
+    scale = sp.Piecewise(
+        *((sp.Float(c.scale), which < j + 1.5) for j, c in enumerate(candidates[:-1])),
+        (sp.Float(candidates[-1].scale), True),
+        evaluate=False,
+    )
+    size = write.define("scale", scale)
+    text = "change of the named candidate's coefficient, in its SI unit"
+    output(Signal("change", "1", text), theta * size)
+    output(Signal("change_std", "1", "standard deviation of the change"), spread * sp.Abs(size))
+    output(
+        Signal("since", "s", "time since the estimated onset"),
+        sp.Piecewise((age * period, told), (0, True)),
+    )
+    limit = sp.Float(2 * math.log(1 / ERROR))
+    for c, g in zip(candidates, largest, strict=True):
+        output(Signal(f"evidence_{c.name}", "1", f"largest g of {c.name}"), g)
+    for j, (c, g) in enumerate(zip(candidates, largest, strict=True)):
+        mine = [k for k, (_, i, _) in enumerate(every) if i == j]
+        output(
+            Signal(f"possible_{c.name}", "1", f"1 if an alarm may be due to {c.name}"),
+            sp.Piecewise((1, sp.And(told, g >= best - limit)), (0, True)),
+        )
+    for s, d in zip(channels, dead, strict=True):
+        output(Signal(f"dead_{s.name}", "1", f"1 while no new sample of {s.name} comes"), d)
+    return Decision(tuple(outputs), values, alarm, _shift(write, bank, every, best, theta, told))
+
+
+def _shift(
+    write: Equations,
+    bank: Bank,
+    every: Sequence[tuple[sp.Expr, int, int]],
+    best: sp.Expr,
+    theta: sp.Expr,
+    told: sp.Expr,
+) -> sp.Matrix:
+    """Write the error of the updated estimate by the named change: ``theta A d``, zero before an alarm."""
+
+    def chosen(name: str, values: Sequence[sp.Expr]) -> sp.Expr:
+        pairs = [(v, g >= best) for v, (g, _, _) in zip(values, every, strict=True)]
+        return write.define(name, sp.Piecewise((0, sp.Not(told)), *pairs, (0, True), evaluate=False))
+
+    n = bank.A.rows
+    column = [chosen(f"named_s[{i}]", [bank.columns[j][i] for _, j, _ in every]) for i in range(n)]
+    begun = [chosen(f"named_begun[{i}]", [bank.begun[w][j][i] for _, j, w in every]) for i in range(n)]
+    moved = [
+        [(sum(P[i, k] * begun[k] for k in range(n)), sp.Symbol("best_window", real=True) < w + sp.S.Half)
+         for w, P in enumerate(bank.Psi)]
+        for i in range(n)
+    ]  # fmt: skip
+    d = sp.Matrix(
+        [
+            theta * (column[i] - sp.Piecewise((0, sp.Not(told)), *moved[i], (0, True), evaluate=False))
+            for i in range(n)
+        ]
+    )
+    return bank.A * write.matrix("named_error", d)

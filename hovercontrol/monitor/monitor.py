@@ -1,0 +1,221 @@
+"""A monitor: a filter with a bank of change tests that raises an alarm and names the change.
+
+Interface of the Block. Inputs: the measured channels and the commands under their names, ``fresh`` or
+``fresh_NAME`` where samples may be lost, and ``reset``. Outputs:
+
+- ``alarm``: 1 from an alarm on until a reset, and while a sensor is dead;
+- ``effect``: 0 none, 1 ... J the candidate, J + 1 ... J + m a dead sensor (the signal's description lists
+  them; :func:`named_effects` returns them);
+- ``evidence``: the largest g (twice the log-likelihood ratio); the alarm comes above the parameter
+  ``threshold``;
+- ``change``, ``change_std``: change of the named candidate's coefficient and its standard deviation, in its
+  SI unit;
+- ``since`` [s]: time since the estimated onset;
+- ``evidence_NAME`` for each candidate, and ``possible_NAME``: 1 if an alarm may be due to it, that is if it
+  cannot be told apart from the best yet;
+- ``dead_NAME`` for each measured channel.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
+from hovercontrol.effects import Effect
+from hovercontrol.errors import InputError
+from hovercontrol.estimators.observed import plant_of
+from hovercontrol.estimators.propagation import steps_between
+from hovercontrol.io.tables import positive
+from hovercontrol.logs.log import Log
+from hovercontrol.models.interface import AnyModel, as_model
+from hovercontrol.monitor.candidates import candidates_of
+from hovercontrol.monitor.equations import Design, estimation_model, monitor_block
+from hovercontrol.monitor.motion import Motion, motion_of
+from hovercontrol.monitor.threshold import Signatures, floors, signatures_of, threshold_for
+from hovercontrol.simulation.sampled import Ticking
+
+#: Length of the shortest window [s]; the windows' lengths grow by factors of 2.
+SHORTEST = 0.25
+
+#: Number of windows: the longest is 63 times as long as the shortest.
+WINDOWS = 6
+
+
+@checked
+def monitor(
+    model: AnyModel,
+    candidates: Sequence[str | Effect] | None = None,
+    *,
+    false_alarms_per_hour: float,
+    period: float,
+    process_noise: Mapping[str, float],
+    measurement_noise: Mapping[str, float],
+    measured: Sequence[str] = ("x", "y", "psi"),
+    gusts: Mapping[str, float] | None = None,
+    gust_seconds: float = 1.0,
+    coefficient_std: Mapping[str, float] | None = None,
+    start_std: Mapping[str, float] | None = None,
+    lost_samples: bool | Sequence[str] = False,
+    dead_after: float = 1.0,
+    settle: float = 2.0,
+    repeats: bool = False,
+    motion: Log | None = None,
+    substeps: int | None = None,
+    name: str = "monitor",
+) -> Block:
+    """Return a monitor of a craft: a sampled Block that says what has changed, by how much and since when.
+
+    Parameters
+    ----------
+    model : Model, BlockModel or Block
+        Continuous.
+    candidates : sequence of str or Effect, optional
+        Changes to look for: names of effects that the model lacks, of the model's own coefficients, or
+        ``NAME_bias`` for a bias of a measured channel. An Effect gives the trial values of its shape
+        parameters. Default: the coefficients that enter linearly, and a bias of each measured channel.
+    false_alarms_per_hour : float
+        Wanted rate; 0.1 is one false alarm in 10 h.
+    period : float
+        Sampling period [s].
+    process_noise : mapping of str to float
+        Root spectral density of white noise in the derivatives of states, by their names
+        [unit of the state / s^(1/2)].
+    measurement_noise : mapping of str to float
+        Standard deviation of a sample, for each measured channel [its unit].
+    measured : sequence of str, optional
+        Outputs, or states, of the model.
+    gusts : mapping of str to float, optional
+        Standard deviation of random accelerations of a correlation time, by the states in whose derivatives
+        they act [unit of the state / s]. They raise no alarm.
+    gust_seconds : float, optional
+        Their correlation time [s].
+    coefficient_std : mapping of str to float, optional
+        Standard deviation of coefficients that are not exactly known [their unit]. The filter estimates them;
+        an error of that size raises no alarm.
+    start_std : mapping of str to float, optional
+        Standard deviation of the error of the first estimate, by states [their unit] (default: nominal size).
+    lost_samples : bool or sequence of str, optional
+        As for :func:`~hovercontrol.estimators.extended.extended_kalman`: inputs that say whether there is a
+        sample.
+    dead_after : float, optional
+        Time without a new sample after which a sensor is dead [s].
+    settle : float, optional
+        Time after the start and after a reset until the tests begin [s]: far from the true state, the
+        filter's linearisation does not hold.
+    repeats : bool, optional
+        Whether a value equal to the one before is a new sample (a sensor of coarse resolution); by default it
+        is not.
+    motion : Log, optional
+        A typical run with the measured channels and the commands, along which the threshold is computed
+        (default: 60 s of the model under random steps of its commands).
+    substeps : int, optional
+        Runge-Kutta steps per period (default: from the model's fastest mode).
+    name : str, optional
+
+    Returns
+    -------
+    Block
+        Sampled. Inputs, outputs and parameters: :mod:`hovercontrol.monitor.monitor`.
+
+    Raises
+    ------
+    InputError
+        If a name is unknown, a candidate never shows in the measured channels, or a number is out of range.
+
+    Source: generalised likelihood ratio tests of a Kalman filter's innovations, Willsky and Jones, IEEE TAC
+    21, 1976.
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> v, F, m = hc.Signal("v", "m/s"), hc.Signal("F", "N"), hc.Signal("m", "kg", start=2.0)
+    >>> cart = hc.Block("cart", [v], [F], [v], [m], {"v": F.symbol / m.symbol})
+    >>> watch = hc.monitor(
+    ...     cart, ["v_bias"], false_alarms_per_hour=1.0, period=0.1, measured=["v"],
+    ...     process_noise={"v": 0.1}, measurement_noise={"v": 0.05},
+    ... )
+    >>> [s.name for s in watch.outputs][:6]
+    ['alarm', 'effect', 'evidence', 'change', 'change_std', 'since']
+    """
+    tick, wanted = (
+        positive(f"{name}: period", period),
+        positive(f"{name}: false_alarms_per_hour", false_alarms_per_hour),
+    )
+    for what, number in (("gust_seconds", gust_seconds), ("dead_after", dead_after), ("settle", settle)):
+        positive(f"{name}: {what}", number)
+    craft = as_model(model)
+    plant = plant_of(craft, name, "monitor")
+    known = estimation_model(
+        plant, measured, process_noise, measurement_noise, gusts or {}, gust_seconds, coefficient_std or {},
+        start_std or {}, name, lost_samples,
+    )  # fmt: skip
+    steps = steps_between(plant, tick, name, substeps)
+    path = motion_of(plant, measured, tick, motion, name)
+    found = candidates_of(craft, candidates, measured, path.sizes, name)
+    design = Design(
+        known,
+        tuple(found),
+        tick,
+        dead_after,
+        repeats,
+        WINDOWS,
+        max(1, round(SHORTEST / tick)),
+        steps,
+        settle,
+    )
+    shown, floor = along_motion(design, path)
+    signs = np.array([c.sign for c in found])
+    threshold = threshold_for(shown, floor, signs, wanted * tick / 3600.0)
+    return monitor_block(design, threshold, list(floor))
+
+
+def along_motion(design: Design, path: Motion) -> tuple[Signatures, NDArray[np.float64]]:
+    """Return the signatures of the candidates along a motion, and J0 of each.
+
+    Raises
+    ------
+    InputError
+        If a candidate never shows along the motion.
+    """
+    shown = signatures_of(_signatures(design, path), design.first)
+    floor = floors(shown)
+    measured = ", ".join(s.name for s in design.model.measured)
+    for c, J in zip(design.candidates, floor, strict=True):
+        if not J > 0.0:
+            raise InputError(
+                f"{design.model.name}: candidate {c.name!r}: the measured channels {measured} never show it "
+                "along the motion"
+            )
+    return shown, floor
+
+
+def _signatures(design: Design, path: Motion) -> NDArray[np.float64]:
+    """Return the signatures along a motion after the filter has settled, shape (K, W, J, m)."""
+    block = monitor_block(design, 1.0, [1.0] * len(design.candidates), signatures=True)
+    run, names = Ticking(block), [s.name for s in (*design.model.measured, *design.model.plant.inputs)]
+    others = {s.name: s.start for s in block.inputs if s.name not in names}
+    rows = []
+    for k, row in enumerate(np.hstack([path.measured, path.inputs])):
+        rows.append(
+            list(
+                run.tick(
+                    k * design.period, {**others, **dict(zip(names, row.tolist(), strict=True))}
+                ).values()
+            )
+        )
+    shape = (-1, len(design.candidates), design.windows, len(design.model.measured))
+    settled = min(round(design.settle / design.period), len(rows) // 2)
+    return np.array(rows[settled:]).reshape(shape).swapaxes(1, 2)
+
+
+def named_effects(block: Block) -> list[str]:
+    """Return what the numbers 1, 2, ... of a monitor's output ``effect`` stand for."""
+    names = [s.name for s in block.outputs]
+    return [
+        *(n.removeprefix("possible_") for n in names if n.startswith("possible_")),
+        *(n.removeprefix("dead_") for n in names if n.startswith("dead_")),
+    ]

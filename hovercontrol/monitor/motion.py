@@ -1,0 +1,96 @@
+"""The motion along which a monitor's threshold is computed: measured channels and commands at ticks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hovercontrol.core.block import Block
+from hovercontrol.errors import InputError, shown
+from hovercontrol.logs.log import Log
+from hovercontrol.models.base import shown_by
+
+Array = NDArray[np.float64]
+
+#: Without a log: length of the motion [s], time between two steps of the commands [s], and their size in
+#: units of the nominal size.
+LENGTH, HOLD, SIZE = 60.0, 2.0, 2.5
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Measured channels and commands at ticks.
+
+    Attributes
+    ----------
+    measured, inputs : ndarray, shape (K, m) and (K, p)
+    sizes : dict of str to float
+        Largest absolute value of each input, root mean square of each measured state.
+    """
+
+    measured: Array
+    inputs: Array
+    sizes: dict[str, float]
+
+
+def motion_of(plant: Block, measured: Sequence[str], period: float, log: Log | None, name: str) -> Motion:
+    """Return the motion of a log, or a simulated one under random steps of the commands.
+
+    Raises
+    ------
+    InputError
+        If the log lacks a channel or is short, or the simulated motion is not finite.
+    """
+    return (
+        _simulated(plant, measured, period, name)
+        if log is None
+        else _logged(plant, measured, period, log, name)
+    )
+
+
+def _logged(plant: Block, measured: Sequence[str], period: float, log: Log, name: str) -> Motion:
+    for key in (*measured, *(s.name for s in plant.inputs)):
+        if key not in log.columns:
+            raise InputError(f"{name}: motion: log {log.name!r} has no column {key!r}")
+    time = np.arange(log.time[0], log.time[-1], period)
+    held = np.clip(np.searchsorted(log.time, time + 1e-9, side="right") - 1, 0, None)
+    y = []
+    for key in measured:
+        column = np.asarray(log.columns[key])
+        seen = np.isfinite(column)
+        if not seen.any():
+            raise InputError(f"{name}: motion: log {log.name!r} has no samples of {key!r}")
+        y.append(np.interp(time, log.time[seen], column[seen]))
+    u = [np.nan_to_num(np.asarray(log.columns[s.name])[held]) for s in plant.inputs]
+    sizes = {s.name: float(np.abs(c).max()) or 1.0 for s, c in zip(plant.inputs, u, strict=True)}
+    rates = {s.name: log.columns.get(s.name) for s in plant.states}
+    sizes |= {k: float(np.sqrt(np.nanmean(np.square(c)))) or 1.0 for k, c in rates.items() if c is not None}
+    return Motion(np.stack(y, axis=1), np.stack(u, axis=1) if u else np.zeros((time.size, 0)), sizes)
+
+
+def _simulated(plant: Block, measured: Sequence[str], period: float, name: str) -> Motion:
+    rng = np.random.default_rng(1)
+    K, each = round(LENGTH / period), max(1, round(HOLD / period))
+    columns = []
+    for s in plant.inputs:
+        low, high = float(s.lower), float(s.upper)
+        low = low if np.isfinite(low) else -SIZE * s.nominal
+        high = high if np.isfinite(high) else SIZE * s.nominal
+        columns.append(np.repeat(rng.uniform(low, high, K // each + 1), each)[:K])
+    u = np.stack(columns, axis=1) if columns else np.zeros((K, 0))
+    run = plant.compile().simulate(np.arange(K) * period, u.T if columns else None)
+    found = dict(zip((s.name for s in plant.outputs), np.atleast_2d(run.outputs), strict=True))
+    states = dict(zip((s.name for s in plant.states), np.atleast_2d(run.states), strict=True))
+    every = states | found
+    y = np.stack([every[shown_by(list(every), key)] for key in measured], axis=1)
+    if not np.isfinite(y).all():
+        raise InputError(
+            f"{name}: the model's motion under steps of its commands is not finite: give a log as motion, "
+            f"with the columns {shown([*measured, *(s.name for s in plant.inputs)])}"
+        )
+    sizes = {s.name: float(np.abs(c).max()) or 1.0 for s, c in zip(plant.inputs, columns, strict=True)}
+    sizes |= {k: float(np.sqrt(np.mean(c**2))) or 1.0 for k, c in states.items()}
+    return Motion(y, u, sizes)
