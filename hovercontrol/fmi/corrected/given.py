@@ -82,6 +82,7 @@ class Given:
         self.token = self.root.get("guid" if self.version == 2 else "instantiationToken", "")
         self.variables = self._read()
         self.by_name = {v.name: v for v in self.variables}
+        self._derivatives = self._pairs()
 
     def _read(self) -> list[Variable]:
         listed = self.root.find("ModelVariables")
@@ -129,7 +130,10 @@ class Given:
         return self.by_name[name]
 
     def derivatives(self) -> list[tuple[Variable, Variable]]:
-        """Return states and their derivatives, in the order of the ModelStructure."""
+        """Return states and their derivatives, in the order of the ModelStructure as it was given."""
+        return self._derivatives
+
+    def _pairs(self) -> list[tuple[Variable, Variable]]:
         if self.exchange is None:
             return []
         structure = self.root.find("ModelStructure")

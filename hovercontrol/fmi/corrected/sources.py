@@ -1,4 +1,4 @@
-"""The C sources of a corrected FMU: the Block around the given FMU, its tables, and the runtime in ``fmu/``."""
+"""The C sources of a corrected FMU: the Block around the given FMU, its tables, and the runtime."""
 
 from __future__ import annotations
 
@@ -49,7 +49,10 @@ def table_source(
     block = joined.block
     moving = block.states[: block.n_continuous]
     fixed = {s for e in block.delays.values() for s in e.free_symbols}
-    driven = [float(v.typed.get("start", "0")) for v in joined.driven]
+    given_starts = [float(v.typed.get("start", "0")) for v in joined.driven]
+    starts = [*(s.start for s in block.states), *given_starts, *(p.start for p in block.parameters)]
+    counts = (joined.driven, joined.sources, joined.measured, joined.added)
+    n_driven, n_sources, n_measured, n_added = map(len, counts)
     inner = [n for n in start if given.by_name[n] not in joined.driven]
     arrays = [v for v in given.variables if v.is_real and v.size != 1]
     late = list(joined.late_sources)
@@ -61,7 +64,7 @@ def table_source(
         "measured": ("unsigned", [str(r) for r in described.measured]),
         "added_state": ("int", [str(k) for k in joined.added]),
         "added": ("unsigned", [str(derivatives[k][1].reference) for k in joined.added]),
-        "start": ("double", [_number(x) for x in (*(s.start for s in block.states), *driven, *(p.start for p in block.parameters))]),
+        "start": ("double", [_number(x) for x in starts]),
         "lower": ("double", [_number(p.lower) for p in block.parameters]),
         "upper": ("double", [_number(p.upper) for p in block.parameters]),
         "nominal": ("double", [_number(s.nominal) for s in moving]),
@@ -80,7 +83,7 @@ def table_source(
     entries = [
         f'"{described.identifier}", "{token}"',
         f'"{given.identifier}", "{_escaped(given.token)}"',
-        f"{len(joined.driven)}, {joined.n_early}, {len(joined.sources)}, {len(joined.measured)}, {len(joined.added)}",
+        f"{n_driven}, {joined.n_early}, {n_sources}, {n_measured}, {n_added}",
         ", ".join(at[n] for n in ("driven", "source", "measured", "added_state", "added")),
         f"{described.first}, {len(derivatives)}, {given.indicators}",
         ", ".join(at[n] for n in ("start", "lower", "upper", "nominal", "fixed", "names")),
