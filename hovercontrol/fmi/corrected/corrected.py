@@ -35,9 +35,9 @@ def corrected_fmu(
         u = before(v),    x' = f(x, u) + added(x, u),    y_measured = after(y)
 
     The FMU has the same version of FMI and all variables of the given one, which are passed through, and the
-    parameters of the Blocks. It has Model Exchange if the given one has it, and Co-Simulation. In Co-Simulation
-    around Model Exchange our solver integrates both together. Around Co-Simulation the given FMU gets its
-    inputs at the beginning of each step and holds them.
+    parameters of the Blocks. It has Model Exchange if the given one has it, and Co-Simulation. Around Model
+    Exchange its Co-Simulation integrates both together. Around Co-Simulation the given FMU gets its inputs at
+    the beginning of each step and holds them.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ def corrected_fmu(
         File name with the suffix ``.fmu``.
     before : Block, optional
         Inputs named like inputs of the FMU, outputs ``NAME_given``: the input NAME as the FMU gets it. Inputs
-        may act late, see :attr:`hovercontrol.Block.delays`.
+        may act late, see :class:`hovercontrol.Block`.
     after : Block, optional
         Inputs named like variables of the FMU, outputs ``NAME_measured``: the output NAME as it is measured.
     added : mapping of str to Block, optional
@@ -57,7 +57,8 @@ def corrected_fmu(
     start : mapping of str to float, optional
         New start values, by the names of the FMU's real variables or of the Blocks' parameters.
     platforms : str or iterable of str, optional
-        Names as for :func:`export_fmu`; default: this machine's. ``"all"`` are those of the given FMU.
+        Names as for :func:`~hovercontrol.fmi.export_fmu`; default: this machine's. ``"all"``: those of the
+        given FMU.
 
     Returns
     -------

@@ -70,6 +70,9 @@ def description(given: Given, joined: Joined, token: str, start: Mapping[str, fl
     _abilities(given, joined, found.identifier)
     for name, value in start.items():
         given.by_name[name].typed.set("start", repr(float(value)))
+    for k, v in enumerate(joined.driven):
+        if f"given_{k}" in block.delays:  # as in other FMUs: what is sent at an event arrives at an event
+            v.element.set("variability", "discrete")
     _units(given, own)
     names = {v.name for v in given.variables}
     _own_variables(given, joined, found.first, names)
@@ -87,7 +90,7 @@ def description(given: Given, joined: Joined, token: str, start: Mapping[str, fl
     return found
 
 
-# ---- abilities ----------------------------------------------------------------------------------------------
+# ---- abilities ----
 
 
 def _abilities(given: Given, joined: Joined, identifier: str) -> None:
@@ -113,7 +116,7 @@ def _abilities(given: Given, joined: Joined, identifier: str) -> None:
     root.insert(at, Element("CoSimulation", {"modelIdentifier": identifier} | kept | variable))
 
 
-# ---- variables ----------------------------------------------------------------------------------------------
+# ---- variables ----
 
 
 def _units(given: Given, own: Iterable[Signal]) -> None:
@@ -201,7 +204,7 @@ def _split(given: Given, v: Variable, reference: int, names: set[str]) -> None:
     v.element.set("causality", "local")
 
 
-# ---- dependencies -------------------------------------------------------------------------------------------
+# ---- dependencies ----
 
 
 class _Knowns:

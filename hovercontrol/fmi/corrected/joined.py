@@ -30,8 +30,8 @@ class Joined:
     Attributes
     ----------
     block : Block
-        Continuous or hybrid. Inputs: the driven inputs as they are given, then the sources. Outputs: the driven
-        inputs as the FMU gets them, the measured outputs, what is added to derivatives.
+        Continuous or hybrid. Inputs: the driven inputs as they are given, then the sources. Outputs: the
+        driven inputs as the FMU gets them, the measured outputs, what is added to derivatives.
     driven, sources, measured : tuple of Variable
         The FMU's variables in these orders; the first `n_early` sources are inputs that pass unchanged.
     added : tuple of int
