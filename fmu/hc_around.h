@@ -76,7 +76,7 @@ typedef struct hc_around {
     int ended;
 } hc_around;
 
-/* ---- hc_around.c: life, messages, values ---- */
+/* ---- hc_around.c: life, messages, evaluation ---- */
 
 hc_around *hc_around_new(const hc_log_type *log, const char *function, int kind, const char *name, const char *token);
 void hc_around_free(hc_around *c);
@@ -88,12 +88,6 @@ int hc_around_passed(hc_around *c, int status);
 /* Start values, as the inner FMU was made or reset. */
 int hc_around_start(hc_around *c);
 int hc_around_experiment(hc_around *c, int has_tolerance, double tolerance, double start, int has_stop, double stop);
-int hc_around_get(hc_around *c, const unsigned *vr, size_t n, double *value);
-int hc_around_set(hc_around *c, const unsigned *vr, size_t n, const double *value);
-/* Before any variable of the inner FMU is set. */
-int hc_around_before_set(hc_around *c);
-/* Numbers of values of n variables. */
-size_t hc_around_width(const unsigned *vr, size_t n);
 /* Compute the Block, and set the inner FMU's inputs. */
 int hc_around_evaluate(hc_around *c);
 /* Before and after the inner FMU leaves Initialization Mode. */
@@ -103,6 +97,21 @@ static inline size_t hc_around_continuous(void)
 {
     return (size_t)(hc_model.n_states - hc_model.n_held);
 }
+
+/* Time for the Block, kept between two switches. */
+static inline double hc_around_time(const hc_around *c)
+{
+    return c->t < c->earliest ? c->earliest : c->t > c->latest ? c->latest : c->t;
+}
+
+/* ---- hc_around_values.c: real variables ---- */
+
+int hc_around_get(hc_around *c, const unsigned *vr, size_t n, double *value);
+int hc_around_set(hc_around *c, const unsigned *vr, size_t n, const double *value);
+/* Before any variable of the inner FMU is set. */
+int hc_around_before_set(hc_around *c);
+/* Numbers of values of n variables. */
+size_t hc_around_width(const unsigned *vr, size_t n);
 
 /* ---- hc_around_exchange.c: Model Exchange ---- */
 

@@ -54,7 +54,7 @@ int hc_around_derivatives(hc_around *c, double *dx, size_t n)
 {
     const size_t inner = (size_t)table->n_states, own = hc_around_continuous();
     const double *added = c->y + table->n_driven + table->n_measured;
-    const double t = c->t < c->earliest ? c->earliest : c->t > c->latest ? c->latest : c->t;
+    const double t = hc_around_time(c);
     int status;
     if (wrong_count(c, n, all_states(), "derivatives"))
         return HC_ERROR;

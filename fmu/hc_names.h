@@ -194,17 +194,19 @@
 /* hc_around.c */
 #define hc_around_after_exit HC_NAME(hc_around_after_exit)
 #define hc_around_before_exit HC_NAME(hc_around_before_exit)
-#define hc_around_before_set HC_NAME(hc_around_before_set)
 #define hc_around_enter HC_NAME(hc_around_enter)
 #define hc_around_evaluate HC_NAME(hc_around_evaluate)
 #define hc_around_experiment HC_NAME(hc_around_experiment)
 #define hc_around_fail HC_NAME(hc_around_fail)
 #define hc_around_free HC_NAME(hc_around_free)
-#define hc_around_get HC_NAME(hc_around_get)
 #define hc_around_new HC_NAME(hc_around_new)
 #define hc_around_passed HC_NAME(hc_around_passed)
-#define hc_around_set HC_NAME(hc_around_set)
 #define hc_around_start HC_NAME(hc_around_start)
+
+/* hc_around_values.c */
+#define hc_around_before_set HC_NAME(hc_around_before_set)
+#define hc_around_get HC_NAME(hc_around_get)
+#define hc_around_set HC_NAME(hc_around_set)
 #define hc_around_width HC_NAME(hc_around_width)
 
 /* hc_around_exchange.c */
