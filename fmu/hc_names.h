@@ -13,6 +13,7 @@
 #define hc_model HC_NAME(hc_model)
 #define hc_description HC_NAME(hc_description)
 #define hc_late HC_NAME(hc_late)
+#define hc_surroundings HC_NAME(hc_surroundings)
 
 /* hc_messages.c */
 #define hc_discard HC_NAME(hc_discard)
@@ -144,6 +145,96 @@
 #define hc_delays_save HC_NAME(hc_delays_save)
 #define hc_delays_send HC_NAME(hc_delays_send)
 #define hc_delays_send_prompt HC_NAME(hc_delays_send_prompt)
+
+/* hc_history.c */
+#define hc_history_clear HC_NAME(hc_history_clear)
+#define hc_history_count HC_NAME(hc_history_count)
+#define hc_history_free HC_NAME(hc_history_free)
+#define hc_history_keep HC_NAME(hc_history_keep)
+#define hc_history_late HC_NAME(hc_history_late)
+#define hc_history_load HC_NAME(hc_history_load)
+#define hc_history_new HC_NAME(hc_history_new)
+#define hc_history_save HC_NAME(hc_history_save)
+
+/* hc_inner_library.c */
+#define hc_library_close HC_NAME(hc_library_close)
+#define hc_library_find HC_NAME(hc_library_find)
+#define hc_library_open HC_NAME(hc_library_open)
+#define hc_library_path HC_NAME(hc_library_path)
+#define hc_library_place HC_NAME(hc_library_place)
+
+/* hc_inner_fmi2.c, hc_inner_fmi3.c */
+#define hc_inner_bytes HC_NAME(hc_inner_bytes)
+#define hc_inner_completed_step HC_NAME(hc_inner_completed_step)
+#define hc_inner_enter_continuous HC_NAME(hc_inner_enter_continuous)
+#define hc_inner_enter_event HC_NAME(hc_inner_enter_event)
+#define hc_inner_forget HC_NAME(hc_inner_forget)
+#define hc_inner_get HC_NAME(hc_inner_get)
+#define hc_inner_get_derivatives HC_NAME(hc_inner_get_derivatives)
+#define hc_inner_get_indicators HC_NAME(hc_inner_get_indicators)
+#define hc_inner_get_nominals HC_NAME(hc_inner_get_nominals)
+#define hc_inner_get_states HC_NAME(hc_inner_get_states)
+#define hc_inner_get_values HC_NAME(hc_inner_get_values)
+#define hc_inner_load HC_NAME(hc_inner_load)
+#define hc_inner_load_2 HC_NAME(hc_inner_load_2)
+#define hc_inner_read HC_NAME(hc_inner_read)
+#define hc_inner_reset HC_NAME(hc_inner_reset)
+#define hc_inner_save HC_NAME(hc_inner_save)
+#define hc_inner_set HC_NAME(hc_inner_set)
+#define hc_inner_set_states HC_NAME(hc_inner_set_states)
+#define hc_inner_set_time HC_NAME(hc_inner_set_time)
+#define hc_inner_set_values HC_NAME(hc_inner_set_values)
+#define hc_inner_step HC_NAME(hc_inner_step)
+#define hc_inner_update HC_NAME(hc_inner_update)
+#define hc_inner_write HC_NAME(hc_inner_write)
+
+/* hc_inner_fmi3.c */
+#define hc_inner_load_3 HC_NAME(hc_inner_load_3)
+
+/* hc_around.c */
+#define hc_around_after_exit HC_NAME(hc_around_after_exit)
+#define hc_around_before_exit HC_NAME(hc_around_before_exit)
+#define hc_around_enter HC_NAME(hc_around_enter)
+#define hc_around_evaluate HC_NAME(hc_around_evaluate)
+#define hc_around_experiment HC_NAME(hc_around_experiment)
+#define hc_around_fail HC_NAME(hc_around_fail)
+#define hc_around_free HC_NAME(hc_around_free)
+#define hc_around_new HC_NAME(hc_around_new)
+#define hc_around_passed HC_NAME(hc_around_passed)
+#define hc_around_start HC_NAME(hc_around_start)
+
+/* hc_around_values.c */
+#define hc_around_before_set HC_NAME(hc_around_before_set)
+#define hc_around_get HC_NAME(hc_around_get)
+#define hc_around_set HC_NAME(hc_around_set)
+#define hc_around_width HC_NAME(hc_around_width)
+
+/* hc_around_exchange.c */
+#define hc_around_completed_step HC_NAME(hc_around_completed_step)
+#define hc_around_derivatives HC_NAME(hc_around_derivatives)
+#define hc_around_enter_continuous HC_NAME(hc_around_enter_continuous)
+#define hc_around_enter_event HC_NAME(hc_around_enter_event)
+#define hc_around_get_states HC_NAME(hc_around_get_states)
+#define hc_around_indicators HC_NAME(hc_around_indicators)
+#define hc_around_next HC_NAME(hc_around_next)
+#define hc_around_nominals HC_NAME(hc_around_nominals)
+#define hc_around_set_states HC_NAME(hc_around_set_states)
+#define hc_around_set_time HC_NAME(hc_around_set_time)
+#define hc_around_tick HC_NAME(hc_around_tick)
+#define hc_around_update HC_NAME(hc_around_update)
+
+/* hc_around_steps.c */
+#define hc_around_begin HC_NAME(hc_around_begin)
+#define hc_around_solver HC_NAME(hc_around_solver)
+#define hc_around_step HC_NAME(hc_around_step)
+
+/* hc_around_state.c */
+#define hc_around_bytes HC_NAME(hc_around_bytes)
+#define hc_around_forget HC_NAME(hc_around_forget)
+#define hc_around_load HC_NAME(hc_around_load)
+#define hc_around_read HC_NAME(hc_around_read)
+#define hc_around_save HC_NAME(hc_around_save)
+#define hc_around_write HC_NAME(hc_around_write)
 #endif
 
 #endif

@@ -2,13 +2,14 @@
 
 from typing import TYPE_CHECKING, Any
 
+from hovercontrol.fmi.corrected.corrected import corrected_fmu
 from hovercontrol.fmi.exporter.export import export_fmu
 from hovercontrol.fmi.ssp import export_ssp
 
 if TYPE_CHECKING:
     from hovercontrol.fmi.importer.imported import load
 
-__all__ = ["export_fmu", "export_ssp", "load"]
+__all__ = ["corrected_fmu", "export_fmu", "export_ssp", "load"]
 
 
 def __getattr__(name: str) -> Any:

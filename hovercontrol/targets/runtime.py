@@ -38,6 +38,19 @@ FMI = {
     2: ("hc_fmi2.h", "hc_fmi2.c"),
     3: ("hc_fmi3.h", "hc_fmi3_calls.h", *(f"hc_fmi3{job}.c" for job in ("", "_values", "_unsupported"))),
 }
+#: An FMU around another one, and the functions of each version of FMI.
+AROUND = (
+    *_SOLVER, "hc_description.h", "hc_delays.h", "hc_instance.h", "hc_instance_internal.h", "hc_messages.c",
+    *("hc_history.h", "hc_history.c", "hc_inner.h", "hc_inner_library.c", "hc_around.h"),
+    *(f"hc_around{job}.c" for job in ("", "_values", "_exchange", "_steps", "_state")),
+)  # fmt: skip
+AROUND_FMI = {
+    2: ("hc_fmi2.h", "hc_inner_fmi2.h", "hc_inner_fmi2.c", "hc_around_fmi2.c"),
+    3: (
+        *("hc_fmi3.h", "hc_inner_fmi3.h", "hc_inner_fmi3.c", "hc_around_calls.h"),
+        *("hc_around_fmi3.c", "hc_around_fmi3_values.c"),
+    ),
+}
 
 _PACKAGE = Path(__file__).parents[1]
 #: The runtime is inside the package in an installed wheel, and next to it in a checkout.

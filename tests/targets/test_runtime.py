@@ -14,6 +14,8 @@ import pytest
 import hovercontrol
 from hovercontrol.targets import runtime
 from hovercontrol.targets.runtime import (
+    AROUND,
+    AROUND_FMI,
     DELAYS,
     FMI,
     FOLLOWING,
@@ -30,6 +32,8 @@ GROUPS = {
     "following": FOLLOWING,
     "FMI 2": (*INSTANCE, *FMI[2]),
     "FMI 3": (*INSTANCE, *FMI[3], *DELAYS),
+    "FMI 2 around an FMU": (*AROUND, *AROUND_FMI[2]),
+    "FMI 3 around an FMU": (*AROUND, *AROUND_FMI[3]),
 }
 CHECKOUT = Path(hovercontrol.__file__).parents[1]
 needs_checkout = pytest.mark.skipif(not (CHECKOUT / "pyproject.toml").is_file(), reason="no checkout")

@@ -129,7 +129,9 @@ def chosen_platforms(names: str | Iterable[str] | None) -> tuple[Platform, ...]:
     return tuple(p for p in PLATFORMS.values() if every or p.name in wanted)  # once each, in one order
 
 
-def build_binary(name: str, files: Mapping[str, str], wanted: Platform) -> bytes:
+def build_binary(
+    name: str, files: Mapping[str, str], wanted: Platform, libraries: tuple[str, ...] = ()
+) -> bytes:
     """Return the shared library for a platform, from the user's cache or built now.
 
     This machine's library is made by the system's compiler, or by ziglang (if installed) where the file would
@@ -141,6 +143,8 @@ def build_binary(name: str, files: Mapping[str, str], wanted: Platform) -> bytes
         An identifier, prefix of the cached file's name.
     files : mapping of str to str
         C sources and headers by file name.
+    libraries : tuple of str, optional
+        Libraries that the file needs on Linux, as linkers name them: ``-ldl``.
 
     Raises
     ------
@@ -156,7 +160,7 @@ def build_binary(name: str, files: Mapping[str, str], wanted: Platform) -> bytes
             raise InputError(f"{error}; pip install 'hovercontrol[fmu]' brings one") from None
         if system != zig:
             try:
-                made = _built(name, files, system, (), wanted)
+                made = _built(name, files, system, (), wanted, libraries)
                 if zig is None or needed_glibc(made) <= OLDEST_GLIBC:
                     return made
             except NoCompilerError as error:
@@ -165,13 +169,18 @@ def build_binary(name: str, files: Mapping[str, str], wanted: Platform) -> bytes
     if zig is None:
         raise InputError(f"binaries for {wanted.name} need ziglang: pip install 'hovercontrol[fmu]'")
     try:
-        return _built(name, files, zig, ("-target", wanted.target), wanted)
+        return _built(name, files, zig, ("-target", wanted.target), wanted, libraries)
     except NoCompilerError as error:
         raise InputError(str(error)) from None
 
 
 def _built(
-    name: str, files: Mapping[str, str], command: tuple[str, ...], target: tuple[str, ...], wanted: Platform
+    name: str,
+    files: Mapping[str, str],
+    command: tuple[str, ...],
+    target: tuple[str, ...],
+    wanted: Platform,
+    libraries: tuple[str, ...],
 ) -> bytes:
     flags = (*target, *_FLAGS, *_FLAGS_OF[wanted.suffix])
     if not target and wanted.suffix == ".dylib":  # Apple's linker has no -s for libraries
@@ -179,6 +188,9 @@ def _built(
     if not target and wanted.name in _FIRST_GLIBC:
         flags = (*flags, "-Wl,-z,noseparate-code", "-include", _OLD_HEADER)
         files = {**files, _OLD_HEADER: _old_glibc(_FIRST_GLIBC[wanted.name])}
+    if wanted.suffix == ".so":  # for the linker alone, wherever the sources stand in the command
+        needed = (f"-Wl,--no-as-needed,{library}" for library in libraries)
+        flags = (*flags, *(libraries if target else needed))
     label = f"{name}-{wanted.name}"
     built = built_file if target else with_runtime  # a cross-compiler joins no objects
     return built(cache_folder(), label, files, command, flags, wanted.suffix).read_bytes()

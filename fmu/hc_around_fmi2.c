@@ -1,0 +1,360 @@
+/* The functions of FMI 2.0 of a corrected FMU. Other variables than those of hc_around.h, and their types, are the inner
+ * FMU's own.
+ */
+#include "hc_around.h"
+#include "hc_inner_fmi2.h"
+
+#include <float.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define ENTER(function, allowed)                                                                                      \
+    hc_around *c = instance;                                                                                          \
+    if (!hc_around_enter(c, "fmi2" #function, allowed))                                                               \
+    return fmi2Error
+/* Call the inner FMU's function. */
+#define PASS(function, ...) (fmi2Status)hc_around_passed(c, (int)c->inner->function(c->inner->component, __VA_ARGS__))
+#define PASS_PLAIN(function) (fmi2Status)hc_around_passed(c, (int)c->inner->function(c->inner->component))
+#define NOT_SUPPORTED(what) return (fmi2Status)hc_around_fail(c, "not supported: %s", what)
+
+static void emit(const hc_log_type *log, int status, const char *category, const char *message)
+{
+    ((fmi2CallbackLogger)log->callback)(log->environment, log->instance, (fmi2Status)status, category, "%s", message);
+}
+
+static void release(hc_around *c)
+{
+    if (!c)
+        return;
+    if (c->inner && c->inner->component)
+        c->inner->FreeInstance(c->inner->component);
+    if (c->inner && c->inner->library)
+        hc_library_close(c->inner->library);
+    free(c->inner);
+    hc_around_free(c);
+}
+
+const char *FMI2(GetTypesPlatform)(void)
+{
+    return "default";
+}
+
+const char *FMI2(GetVersion)(void)
+{
+    return "2.0";
+}
+
+fmi2Component FMI2(Instantiate)(fmi2String name, fmi2Type type, fmi2String guid, fmi2String resources,
+                                const fmi2CallbackFunctions *functions, fmi2Boolean visible, fmi2Boolean logging)
+{
+    hc_log_type log = {2, name ? name : "", NULL, NULL, emit, ~0u};
+    const char *wrong;
+    char text[600], *place;
+    hc_around *c;
+    if (functions) {
+        log.environment = functions->componentEnvironment;
+        log.callback = (void (*)(void))functions->logger;
+    }
+    c = hc_around_new(&log, "fmi2Instantiate", type == fmi2ModelExchange ? HC_MODEL_EXCHANGE : HC_CO_SIMULATION, name,
+                      guid);
+    if (!c)
+        return NULL;
+    c->inner = calloc(1, sizeof *c->inner);
+    place = resources ? malloc(strlen(resources) + 20) : NULL;
+    if (!c->inner || (resources && !place))
+        goto failed;
+    wrong = hc_inner_load_2(c->inner, resources, hc_surroundings.inner_identifier, c->inner_kind, text, sizeof text);
+    if (wrong) {
+        hc_log_message(&log, HC_ERROR, "fmi2Instantiate", "%s", wrong);
+        goto failed;
+    }
+    sprintf(place, "%s%sinner/resources", resources, resources[strlen(resources) - 1] == '/' ? "" : "/");
+    c->inner->component =
+        c->inner->Instantiate(name, c->inner_kind == HC_MODEL_EXCHANGE ? fmi2ModelExchange : fmi2CoSimulation,
+                              hc_surroundings.inner_token, place, functions, visible, logging);
+    if (c->inner->component && hc_around_start(c) < HC_DISCARD) {
+        free(place);
+        return c;
+    }
+failed:
+    free(place);
+    release(c);
+    return NULL;
+}
+
+void FMI2(FreeInstance)(HC_ARGUMENTS)
+{
+    release(instance);
+}
+
+fmi2Status FMI2(SetDebugLogging)(HC_ARGUMENTS, fmi2Boolean on, size_t n, const fmi2String categories[])
+{
+    ENTER(SetDebugLogging, ANY);
+    return PASS(SetDebugLogging, on, n, categories);
+}
+
+fmi2Status FMI2(SetupExperiment)(HC_ARGUMENTS, fmi2Boolean has_tolerance, fmi2Real tolerance, fmi2Real start,
+                                 fmi2Boolean has_stop, fmi2Real stop)
+{
+    ENTER(SetupExperiment, HC_INSTANTIATED);
+    if (hc_around_experiment(c, has_tolerance, tolerance, start, has_stop, stop))
+        return fmi2Error;
+    return PASS(SetupExperiment, has_tolerance, tolerance, start, has_stop, stop);
+}
+
+fmi2Status FMI2(EnterInitializationMode)(HC_ARGUMENTS)
+{
+    fmi2Status status;
+    ENTER(EnterInitializationMode, HC_INSTANTIATED);
+    status = PASS_PLAIN(EnterInitializationMode);
+    if (status < fmi2Discard)
+        c->state = HC_INITIALIZATION;
+    return status;
+}
+
+fmi2Status FMI2(ExitInitializationMode)(HC_ARGUMENTS)
+{
+    fmi2Status status;
+    ENTER(ExitInitializationMode, HC_INITIALIZATION);
+    if (hc_around_before_exit(c) >= HC_DISCARD)
+        return fmi2Error;
+    status = PASS_PLAIN(ExitInitializationMode);
+    return status < fmi2Discard ? (fmi2Status)hc_around_after_exit(c) : status;
+}
+
+fmi2Status FMI2(Terminate)(HC_ARGUMENTS)
+{
+    ENTER(Terminate, INITIALIZED);
+    c->state = HC_TERMINATED;
+    return PASS_PLAIN(Terminate);
+}
+
+fmi2Status FMI2(Reset)(HC_ARGUMENTS)
+{
+    fmi2Status status;
+    ENTER(Reset, ANY);
+    status = PASS_PLAIN(Reset);
+    return status < fmi2Discard ? (fmi2Status)hc_around_start(c) : status;
+}
+
+/* ---- values ---- */
+
+fmi2Status FMI2(GetReal)(HC_REFERENCES, fmi2Real values[])
+{
+    ENTER(GetReal, COMPUTED);
+    return (fmi2Status)hc_around_get(c, vr, n, values);
+}
+
+fmi2Status FMI2(SetReal)(HC_REFERENCES, const fmi2Real values[])
+{
+    ENTER(SetReal, SETTABLE);
+    return (fmi2Status)hc_around_set(c, vr, n, values);
+}
+
+#define GET_AND_SET(type)                                                                                             \
+    fmi2Status FMI2(Get##type)(HC_REFERENCES, fmi2##type values[])                                                    \
+    {                                                                                                                 \
+        ENTER(Get##type, COMPUTED);                                                                                   \
+        if (c->state & (HC_INITIALIZATION | INITIALIZED) && hc_around_evaluate(c) >= HC_ERROR)                        \
+            return fmi2Error;                                                                                         \
+        return PASS(Get##type, vr, n, values);                                                                        \
+    }                                                                                                                 \
+    fmi2Status FMI2(Set##type)(HC_REFERENCES, const fmi2##type values[])                                              \
+    {                                                                                                                 \
+        ENTER(Set##type, SETTABLE);                                                                                   \
+        if (hc_around_before_set(c) >= HC_DISCARD)                                                                    \
+            return fmi2Error;                                                                                         \
+        return PASS(Set##type, vr, n, values);                                                                        \
+    }
+GET_AND_SET(Integer)
+GET_AND_SET(Boolean)
+GET_AND_SET(String)
+
+fmi2Status FMI2(GetFMUstate)(HC_ARGUMENTS, fmi2FMUstate *state)
+{
+    ENTER(GetFMUstate, ANY);
+    return (fmi2Status)hc_around_save(c, state);
+}
+
+fmi2Status FMI2(SetFMUstate)(HC_ARGUMENTS, fmi2FMUstate state)
+{
+    ENTER(SetFMUstate, ANY);
+    return (fmi2Status)hc_around_load(c, state);
+}
+
+fmi2Status FMI2(FreeFMUstate)(HC_ARGUMENTS, fmi2FMUstate *state)
+{
+    ENTER(FreeFMUstate, ANY);
+    return (fmi2Status)hc_around_forget(c, state);
+}
+
+fmi2Status FMI2(SerializedFMUstateSize)(HC_ARGUMENTS, fmi2FMUstate state, size_t *size)
+{
+    ENTER(SerializedFMUstateSize, ANY);
+    return (fmi2Status)hc_around_bytes(c, state, size);
+}
+
+fmi2Status FMI2(SerializeFMUstate)(HC_ARGUMENTS, fmi2FMUstate state, fmi2Byte bytes[], size_t size)
+{
+    ENTER(SerializeFMUstate, ANY);
+    return (fmi2Status)hc_around_write(c, state, (unsigned char *)bytes, size);
+}
+
+fmi2Status FMI2(DeSerializeFMUstate)(HC_ARGUMENTS, const fmi2Byte bytes[], size_t size, fmi2FMUstate *state)
+{
+    ENTER(DeSerializeFMUstate, ANY);
+    return (fmi2Status)hc_around_read(c, (const unsigned char *)bytes, size, state);
+}
+
+fmi2Status FMI2(GetDirectionalDerivative)(HC_ARGUMENTS, const fmi2ValueReference unknowns[], size_t n_unknowns,
+                                          const fmi2ValueReference knowns[], size_t n_knowns, const fmi2Real seed[],
+                                          fmi2Real sensitivity[])
+{
+    ENTER(GetDirectionalDerivative, COMPUTED);
+    (void)unknowns;
+    (void)n_unknowns;
+    (void)knowns;
+    (void)n_knowns;
+    (void)seed;
+    (void)sensitivity;
+    NOT_SUPPORTED("directional derivatives");
+}
+
+/* ---- Model Exchange ---- */
+
+fmi2Status FMI2(EnterEventMode)(HC_ARGUMENTS)
+{
+    ENTER(EnterEventMode, HC_EVENT | HC_CONTINUOUS_TIME);
+    return c->state == HC_EVENT ? fmi2OK : (fmi2Status)hc_around_enter_event(c);
+}
+
+fmi2Status FMI2(NewDiscreteStates)(HC_ARGUMENTS, fmi2EventInfo *info)
+{
+    hc_inner_event event = {0, 0, 0, 0, DBL_MAX};
+    int status;
+    ENTER(NewDiscreteStates, HC_EVENT);
+    status = hc_around_update(c, &event);
+    info->newDiscreteStatesNeeded = event.again;
+    info->terminateSimulation = event.terminate;
+    info->nominalsOfContinuousStatesChanged = event.nominals_changed;
+    info->valuesOfContinuousStatesChanged = event.states_changed;
+    info->nextEventTimeDefined = event.next < DBL_MAX;
+    info->nextEventTime = event.next;
+    return (fmi2Status)status;
+}
+
+fmi2Status FMI2(EnterContinuousTimeMode)(HC_ARGUMENTS)
+{
+    ENTER(EnterContinuousTimeMode, HC_EVENT);
+    return (fmi2Status)hc_around_enter_continuous(c);
+}
+
+fmi2Status FMI2(CompletedIntegratorStep)(HC_ARGUMENTS, fmi2Boolean no_return, fmi2Boolean *enter_event_mode,
+                                         fmi2Boolean *terminate)
+{
+    ENTER(CompletedIntegratorStep, HC_CONTINUOUS_TIME);
+    (void)no_return;
+    return (fmi2Status)hc_around_completed_step(c, enter_event_mode, terminate);
+}
+
+fmi2Status FMI2(SetTime)(HC_ARGUMENTS, fmi2Real time)
+{
+    ENTER(SetTime, HC_EVENT | HC_CONTINUOUS_TIME);
+    return (fmi2Status)hc_around_set_time(c, time);
+}
+
+fmi2Status FMI2(SetContinuousStates)(HC_ARGUMENTS, const fmi2Real states[], size_t n)
+{
+    ENTER(SetContinuousStates, HC_CONTINUOUS_TIME);
+    return (fmi2Status)hc_around_set_states(c, states, n);
+}
+
+fmi2Status FMI2(GetDerivatives)(HC_ARGUMENTS, fmi2Real derivatives[], size_t n)
+{
+    ENTER(GetDerivatives, HC_INITIALIZATION | HC_EVENT | HC_CONTINUOUS_TIME);
+    return (fmi2Status)hc_around_derivatives(c, derivatives, n);
+}
+
+fmi2Status FMI2(GetEventIndicators)(HC_ARGUMENTS, fmi2Real indicators[], size_t n)
+{
+    ENTER(GetEventIndicators, HC_INITIALIZATION | HC_EVENT | HC_CONTINUOUS_TIME);
+    return (fmi2Status)hc_around_indicators(c, indicators, n);
+}
+
+fmi2Status FMI2(GetContinuousStates)(HC_ARGUMENTS, fmi2Real states[], size_t n)
+{
+    ENTER(GetContinuousStates, HC_INITIALIZATION | HC_EVENT | HC_CONTINUOUS_TIME);
+    return (fmi2Status)hc_around_get_states(c, states, n);
+}
+
+fmi2Status FMI2(GetNominalsOfContinuousStates)(HC_ARGUMENTS, fmi2Real nominals[], size_t n)
+{
+    ENTER(GetNominalsOfContinuousStates, ANY);
+    return (fmi2Status)hc_around_nominals(c, nominals, n);
+}
+
+/* ---- Co-Simulation ---- */
+
+fmi2Status FMI2(SetRealInputDerivatives)(HC_REFERENCES, const fmi2Integer orders[], const fmi2Real values[])
+{
+    ENTER(SetRealInputDerivatives, ANY);
+    (void)vr;
+    (void)n;
+    (void)orders;
+    (void)values;
+    NOT_SUPPORTED("derivatives of inputs");
+}
+
+fmi2Status FMI2(GetRealOutputDerivatives)(HC_REFERENCES, const fmi2Integer orders[], fmi2Real values[])
+{
+    ENTER(GetRealOutputDerivatives, ANY);
+    (void)vr;
+    (void)n;
+    (void)orders;
+    (void)values;
+    NOT_SUPPORTED("derivatives of outputs");
+}
+
+fmi2Status FMI2(DoStep)(HC_ARGUMENTS, fmi2Real time, fmi2Real length, fmi2Boolean no_return)
+{
+    ENTER(DoStep, HC_STEP);
+    (void)no_return;
+    return (fmi2Status)hc_around_step(c, time, length);
+}
+
+fmi2Status FMI2(CancelStep)(HC_ARGUMENTS)
+{
+    ENTER(CancelStep, 0); /* no step is ever in progress */
+    return fmi2Error;
+}
+
+fmi2Status FMI2(GetRealStatus)(HC_ARGUMENTS, const fmi2StatusKind kind, fmi2Real *value)
+{
+    ENTER(GetRealStatus, HC_STEP | HC_TERMINATED);
+    if (kind != fmi2LastSuccessfulTime)
+        return fmi2Discard;
+    *value = c->t;
+    return fmi2OK;
+}
+
+fmi2Status FMI2(GetBooleanStatus)(HC_ARGUMENTS, const fmi2StatusKind kind, fmi2Boolean *value)
+{
+    ENTER(GetBooleanStatus, HC_STEP | HC_TERMINATED);
+    if (kind != fmi2Terminated)
+        return fmi2Discard;
+    *value = c->ended;
+    return fmi2OK;
+}
+
+#define NO_STATUS(function, type)                                                                                     \
+    fmi2Status FMI2(function)(HC_ARGUMENTS, const fmi2StatusKind kind, type *value)                                   \
+    {                                                                                                                 \
+        ENTER(function, HC_STEP | HC_TERMINATED);                                                                     \
+        (void)kind;                                                                                                   \
+        (void)value;                                                                                                  \
+        return fmi2Discard; /* steps are not asynchronous */                                                          \
+    }
+NO_STATUS(GetStatus, fmi2Status)
+NO_STATUS(GetIntegerStatus, fmi2Integer)
+NO_STATUS(GetStringStatus, fmi2String)

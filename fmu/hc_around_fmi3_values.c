@@ -1,0 +1,152 @@
+/* FMI 3.0 of a corrected FMU: values and saved states, and the functions that it does not support. */
+#include "hc_around_calls.h"
+
+/* ---- values ---- */
+
+static int wrong_count(hc_around *c, const fmi3ValueReference vr[], size_t n, size_t n_values)
+{
+    if (n == 0 || !vr || hc_around_width(vr, n) == n_values)
+        return HC_DONE;
+    return hc_around_fail(c, "%zu values where the variables have %zu", n_values, hc_around_width(vr, n));
+}
+
+fmi3Status FMI3(GetFloat64)(HC_REFERENCES, fmi3Float64 values[], size_t n_values)
+{
+    ENTER(GetFloat64, ANY);
+    return wrong_count(c, vr, n, n_values) ? fmi3Error : (fmi3Status)hc_around_get(c, vr, n, values);
+}
+
+fmi3Status FMI3(SetFloat64)(HC_REFERENCES, const fmi3Float64 values[], size_t n_values)
+{
+    ENTER(SetFloat64, SETTABLE);
+    return wrong_count(c, vr, n, n_values) ? fmi3Error : (fmi3Status)hc_around_set(c, vr, n, values);
+}
+
+static int refreshed(hc_around *c)
+{
+    return !(c->state & (HC_INITIALIZATION | INITIALIZED)) || hc_around_evaluate(c) < HC_ERROR;
+}
+
+#define GET_AND_SET(name, type)                                                                                       \
+    fmi3Status FMI3(Get##name)(HC_REFERENCES, type values[], size_t n_values)                                         \
+    {                                                                                                                 \
+        ENTER(Get##name, ANY);                                                                                        \
+        return refreshed(c) ? PASS(Get##name, vr, n, values, n_values) : fmi3Error;                                   \
+    }                                                                                                                 \
+    fmi3Status FMI3(Set##name)(HC_REFERENCES, const type values[], size_t n_values)                                   \
+    {                                                                                                                 \
+        ENTER(Set##name, SETTABLE);                                                                                   \
+        if (hc_around_before_set(c) >= HC_DISCARD)                                                                    \
+            return fmi3Error;                                                                                         \
+        return PASS(Set##name, vr, n, values, n_values);                                                              \
+    }
+GET_AND_SET(Float32, fmi3Float32)
+GET_AND_SET(Int8, fmi3Int8)
+GET_AND_SET(UInt8, fmi3UInt8)
+GET_AND_SET(Int16, fmi3Int16)
+GET_AND_SET(UInt16, fmi3UInt16)
+GET_AND_SET(Int32, fmi3Int32)
+GET_AND_SET(UInt32, fmi3UInt32)
+GET_AND_SET(Int64, fmi3Int64)
+GET_AND_SET(UInt64, fmi3UInt64)
+GET_AND_SET(Boolean, fmi3Boolean)
+GET_AND_SET(String, fmi3String)
+
+fmi3Status FMI3(GetBinary)(HC_REFERENCES, size_t sizes[], fmi3Binary values[], size_t n_values)
+{
+    ENTER(GetBinary, ANY);
+    return refreshed(c) ? PASS(GetBinary, vr, n, sizes, values, n_values) : fmi3Error;
+}
+
+fmi3Status FMI3(SetBinary)(HC_REFERENCES, const size_t sizes[], const fmi3Binary values[], size_t n_values)
+{
+    ENTER(SetBinary, SETTABLE);
+    if (hc_around_before_set(c) >= HC_DISCARD)
+        return fmi3Error;
+    return PASS(SetBinary, vr, n, sizes, values, n_values);
+}
+
+/* ---- saved state ---- */
+
+fmi3Status FMI3(GetFMUState)(HC_ARGUMENTS, fmi3FMUState *state)
+{
+    ENTER(GetFMUState, ANY);
+    return (fmi3Status)hc_around_save(c, state);
+}
+
+fmi3Status FMI3(SetFMUState)(HC_ARGUMENTS, fmi3FMUState state)
+{
+    ENTER(SetFMUState, ANY);
+    return (fmi3Status)hc_around_load(c, state);
+}
+
+fmi3Status FMI3(FreeFMUState)(HC_ARGUMENTS, fmi3FMUState *state)
+{
+    ENTER(FreeFMUState, ANY);
+    return (fmi3Status)hc_around_forget(c, state);
+}
+
+fmi3Status FMI3(SerializedFMUStateSize)(HC_ARGUMENTS, fmi3FMUState state, size_t *size)
+{
+    ENTER(SerializedFMUStateSize, ANY);
+    return (fmi3Status)hc_around_bytes(c, state, size);
+}
+
+fmi3Status FMI3(SerializeFMUState)(HC_ARGUMENTS, fmi3FMUState state, fmi3Byte bytes[], size_t size)
+{
+    ENTER(SerializeFMUState, ANY);
+    return (fmi3Status)hc_around_write(c, state, bytes, size);
+}
+
+fmi3Status FMI3(DeserializeFMUState)(HC_ARGUMENTS, const fmi3Byte bytes[], size_t size, fmi3FMUState *state)
+{
+    ENTER(DeserializeFMUState, ANY);
+    return (fmi3Status)hc_around_read(c, bytes, size, state);
+}
+
+/* ---- not supported ---- */
+
+#if defined __GNUC__
+#pragma GCC diagnostic ignored "-Wunused-parameter"
+#endif
+#define REFUSE(function, arguments, what)                                                                             \
+    fmi3Status FMI3(function) arguments                                                                               \
+    {                                                                                                                 \
+        ENTER(function, ANY);                                                                                         \
+        return (fmi3Status)hc_around_fail(c, "not supported: %s", what);                                              \
+    }
+REFUSE(GetDirectionalDerivative, (HC_PARTIAL_ARGUMENTS), "directional derivatives")
+REFUSE(GetAdjointDerivative, (HC_PARTIAL_ARGUMENTS), "adjoint derivatives")
+REFUSE(GetOutputDerivatives,
+       (HC_REFERENCES, const fmi3Int32 orders[], fmi3Float64 values[], size_t n_values), "derivatives of outputs")
+REFUSE(EnterConfigurationMode, (HC_ARGUMENTS), "structural parameters")
+REFUSE(ExitConfigurationMode, (HC_ARGUMENTS), "structural parameters")
+REFUSE(EnterStepMode, (HC_ARGUMENTS), "Event Mode in Co-Simulation")
+REFUSE(GetClock, (HC_REFERENCES, fmi3Clock values[]), "clocks")
+REFUSE(SetClock, (HC_REFERENCES, const fmi3Clock values[]), "clocks")
+REFUSE(GetIntervalDecimal, (HC_REFERENCES, fmi3Float64 intervals[], fmi3IntervalQualifier qualifiers[]), "clocks")
+REFUSE(GetIntervalFraction,
+       (HC_REFERENCES, fmi3UInt64 counters[], fmi3UInt64 resolutions[], fmi3IntervalQualifier qualifiers[]), "clocks")
+REFUSE(GetShiftDecimal, (HC_REFERENCES, fmi3Float64 shifts[]), "clocks")
+REFUSE(GetShiftFraction, (HC_REFERENCES, fmi3UInt64 counters[], fmi3UInt64 resolutions[]), "clocks")
+REFUSE(SetIntervalDecimal, (HC_REFERENCES, const fmi3Float64 intervals[]), "clocks")
+REFUSE(SetIntervalFraction, (HC_REFERENCES, const fmi3UInt64 counters[], const fmi3UInt64 resolutions[]), "clocks")
+REFUSE(SetShiftDecimal, (HC_REFERENCES, const fmi3Float64 shifts[]), "clocks")
+REFUSE(SetShiftFraction, (HC_REFERENCES, const fmi3UInt64 counters[], const fmi3UInt64 resolutions[]), "clocks")
+REFUSE(ActivateModelPartition, (HC_ARGUMENTS, fmi3ValueReference clock, fmi3Float64 time), "Scheduled Execution")
+REFUSE(GetNumberOfVariableDependencies, (HC_ARGUMENTS, fmi3ValueReference vr, size_t *n), "dependencies of elements")
+REFUSE(GetVariableDependencies,
+       (HC_ARGUMENTS, fmi3ValueReference dependent, size_t elements[], fmi3ValueReference independents[],
+        size_t independent_elements[], fmi3DependencyKind kinds[], size_t n),
+       "dependencies of elements")
+
+fmi3Instance FMI3(InstantiateScheduledExecution)(fmi3String name, fmi3String token, fmi3String resources,
+                                                 fmi3Boolean visible, fmi3Boolean logging,
+                                                 fmi3InstanceEnvironment environment, fmi3LogMessageCallback callback,
+                                                 fmi3ClockUpdateCallback update, fmi3LockPreemptionCallback lock,
+                                                 fmi3UnlockPreemptionCallback unlock)
+{
+    if (callback)
+        callback(environment, fmi3Error, "logStatusError", "fmi3InstantiateScheduledExecution: not supported");
+    return NULL;
+}

@@ -1,0 +1,1 @@
+"""An FMU with Blocks around it as one FMU, without Python."""

@@ -1,0 +1,355 @@
+"""``modelDescription.xml`` of a corrected FMU: that of the given FMU, changed.
+
+All variables keep their names and value references. The Block's parameters, states and derivatives are added.
+A measured output that has a start value is a state or the like: the variable itself becomes the local
+``inner.NAME``, and ``NAME`` is a new output.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from xml.etree.ElementTree import Element, SubElement
+
+import sympy as sp
+
+import hovercontrol
+from hovercontrol.core.signals import Signal
+from hovercontrol.fmi.corrected.given import Given, Variable
+from hovercontrol.fmi.corrected.joined import Joined
+from hovercontrol.fmi.exporter.description import xml_bytes
+from hovercontrol.fmi.exporter.units import fmi_unit
+from hovercontrol.fmi.exporter.variables import ascii_name
+
+_KEPT = (
+    *("needsExecutionTool", "canBeInstantiatedOnlyOncePerProcess", "canNotUseMemoryManagementFunctions"),
+    *("canGetAndSetFMUstate", "canSerializeFMUstate", "canGetAndSetFMUState", "canSerializeFMUState"),
+)
+_STEPS = ("canHandleVariableCommunicationStepSize", "fixedInternalStepSize")
+#: References of the knowns of an unknown; None: it may depend on all.
+Knowns = frozenset[int] | None
+
+
+@dataclass
+class Description:
+    """What the C sources need of the description.
+
+    Attributes
+    ----------
+    first : int
+        Value reference of the Block's first own variable.
+    measured : list of int
+        Value references of the measured outputs.
+    """
+
+    first: int
+    identifier: str
+    measured: list[int] = field(default_factory=list)
+    xml: bytes = b""
+
+
+def description(given: Given, joined: Joined, token: str, start: Mapping[str, float]) -> Description:
+    """Return the model description of a corrected FMU.
+
+    Parameters
+    ----------
+    given : Given
+        Its tree is changed.
+    token : str
+        FMI 3's instantiationToken, FMI 2's guid.
+    start : mapping of str to float
+        New start values of the given FMU's variables.
+    """
+    root, block = given.root, joined.block
+    own = (*block.states, *block.states[: block.n_continuous], *block.parameters)
+    found = Description(max(v.reference for v in given.variables) + 1, f"{given.identifier}_corrected"[:60])
+    knowns = _Knowns(given, joined, found.first)  # before the tree changes
+    root.set("guid" if given.version == 2 else "instantiationToken", token)
+    root.set("generationTool", f"hovercontrol {hovercontrol.__version__}")
+    _abilities(given, joined, found.identifier)
+    for name, value in start.items():
+        given.by_name[name].typed.set("start", repr(float(value)))
+    for k, v in enumerate(joined.driven):
+        if f"given_{k}" in block.delays:  # as in other FMUs: what is sent at an event arrives at an event
+            v.element.set("variability", "discrete")
+    _units(given, own)
+    names = {v.name for v in given.variables}
+    _own_variables(given, joined, found.first, names)
+    next_reference = found.first + len(own)
+    renamed: dict[int, int] = {}
+    states = {s.reference for s, _ in given.derivatives()}
+    for v in joined.measured:
+        if v.element.get("initial") in ("exact", "approx") or v.reference in states:
+            renamed[v.reference] = next_reference
+            _split(given, v, next_reference, names)
+            next_reference += 1
+        found.measured.append(renamed.get(v.reference, v.reference))
+    _structure(given, joined, knowns, found.first, renamed)
+    found.xml = xml_bytes(root)
+    return found
+
+
+# ---- abilities ----
+
+
+def _abilities(given: Given, joined: Joined, identifier: str) -> None:
+    """Keep what the corrected FMU can do too; Co-Simulation is there in any case."""
+    root, exchange, steps = given.root, given.exchange, given.steps
+    late = bool(joined.block.delays)
+    kept = {k: v for k, v in given.part.attrib.items() if k in _KEPT}
+    places = [e for e in (exchange, steps, root.find("ScheduledExecution")) if e is not None]
+    at = min(list(root).index(e) for e in places)
+    for e in places:
+        root.remove(e)
+    if exchange is not None:
+        needed = exchange.get(
+            "completedIntegratorStepNotNeeded" if given.version == 2 else "needsCompletedIntegratorStep"
+        )
+        word = "completedIntegratorStepNotNeeded" if given.version == 2 else "needsCompletedIntegratorStep"
+        told = {word: "false" if given.version == 2 else "true"} if late else {word: needed} if needed else {}
+        root.insert(at, Element("ModelExchange", {"modelIdentifier": identifier} | kept | told))
+        at += 1
+        variable = {"canHandleVariableCommunicationStepSize": "true"}
+    else:
+        variable = {k: v for k, v in given.part.attrib.items() if k in _STEPS}
+    root.insert(at, Element("CoSimulation", {"modelIdentifier": identifier} | kept | variable))
+
+
+# ---- variables ----
+
+
+def _units(given: Given, own: Iterable[Signal]) -> None:
+    root = given.root
+    definitions = root.find("UnitDefinitions")
+    if definitions is None:
+        definitions = Element("UnitDefinitions")
+        kinds = ("ModelExchange", "CoSimulation", "ScheduledExecution")
+        last = max(k for k, e in enumerate(root) if e.tag in kinds)
+        root.insert(last + 1, definitions)
+    known = {e.get("name") for e in definitions}
+    for unit in dict.fromkeys([fmi_unit(s.unit, d) for s in own for d in (False, True)]):
+        if unit.name not in known:
+            element = SubElement(definitions, "Unit", name=unit.name)
+            if unit.exponents is not None:
+                SubElement(element, "BaseUnit", {base: str(power) for base, power in unit.exponents})
+
+
+def _free(name: str, taken: set[str]) -> str:
+    name = ascii_name(name)
+    while name in taken:
+        name += "_2"
+    taken.add(name)
+    return name
+
+
+def _add(given: Given, reference: int, name: str, words: Mapping[str, str], typed: Mapping[str, str]) -> None:
+    parent = given.root.find("ModelVariables")
+    assert parent is not None
+    head = {"name": name, "valueReference": str(reference), **words}
+    if given.version == 2:
+        SubElement(SubElement(parent, "ScalarVariable", head), "Real", dict(typed))
+    else:
+        SubElement(parent, "Float64", {**head, **typed})
+
+
+def _own_variables(given: Given, joined: Joined, first: int, names: set[str]) -> None:
+    block, reference = joined.block, first
+    fixed = {s for e in block.delays.values() for s in e.free_symbols}
+    states = {}
+    for k, s in enumerate(block.states):
+        kind = "continuous" if k < block.n_continuous else "discrete"
+        words = {"causality": "local", "variability": kind, "initial": "exact", "description": s.description}
+        states[s.name] = _free(s.name, names)
+        _add(given, reference, states[s.name], words, _typed(s, start=s.start))
+        reference += 1
+    listed = len(list(given.variables)) if given.version == 2 else 0
+    for k, s in enumerate(block.states[: block.n_continuous]):
+        words = {"causality": "local", "variability": "continuous", "initial": "calculated"}
+        of = str(listed + k + 1) if given.version == 2 else str(first + k)
+        typed = {"unit": fmi_unit(s.unit, per_second=True).name, "derivative": of}
+        _add(given, reference, _free(f"der({states[s.name]})", names), words, typed)
+        reference += 1
+    for s in block.parameters:
+        kind = "fixed" if s.symbol in fixed else "tunable"
+        words = {
+            "causality": "parameter",
+            "variability": kind,
+            "initial": "exact",
+            "description": s.description,
+        }
+        name = _free(block.parameter_key(s.name).removeprefix("around."), names)
+        _add(given, reference, name, words, _typed(s, start=s.start, bounds=True))
+        reference += 1
+
+
+def _typed(s: Signal, start: float, bounds: bool = False) -> dict[str, str]:
+    found = {"unit": fmi_unit(s.unit).name}
+    if bounds:
+        ends = {"min": s.lower, "max": s.upper}
+        found |= {k: repr(float(v)) for k, v in ends.items() if abs(v) < float("inf")}
+    if s.nominal != 1.0:
+        found["nominal"] = repr(float(s.nominal))
+    return found | {"start": repr(float(start))}
+
+
+def _split(given: Given, v: Variable, reference: int, names: set[str]) -> None:
+    """Make a variable the local ``inner.NAME``, and an output of its name beside it."""
+    name = v.name
+    head = {k: x for k, x in v.element.attrib.items() if k == "description"}
+    head |= {"causality": "output", "variability": "continuous", "initial": "calculated"}
+    about = ("declaredType", "quantity", "unit", "displayUnit", "relativeQuantity", "nominal")
+    _add(given, reference, name, head, {k: x for k, x in v.typed.attrib.items() if k in about})
+    v.element.set("name", _free(f"inner.{name}", names))
+    v.element.set("causality", "local")
+
+
+# ---- dependencies ----
+
+
+class _Knowns:
+    """What unknowns depend on at the same instant."""
+
+    def __init__(self, given: Given, joined: Joined, first: int) -> None:
+        self._given, self._joined, block = given, joined, joined.block
+        self._driven = {v.reference: k for k, v in enumerate(joined.driven)}
+        self._declared = self._read()
+        moving = {s.symbol: frozenset([first + k]) for k, s in enumerate(block.states[: block.n_continuous])}
+        held = {s.symbol: frozenset[int]() for s in block.states[block.n_continuous :]}
+        n = len(block.states) + block.n_continuous
+        tunable = {
+            p.symbol: frozenset([first + n + k] if given.version == 3 else [])
+            for k, p in enumerate(block.parameters)
+        }
+        self._symbols: dict[sp.Basic, Knowns] = {**moving, **held, **tunable}
+        free = [v.reference for v in given.variables if v.element.get("causality") == "independent"]
+        self._time = frozenset(free[:1])
+        states = {s.reference for s, _ in given.derivatives()}
+        for k, v in enumerate(joined.driven):
+            self._symbols[sp.Symbol(f"given_{k}", real=True)] = frozenset([v.reference])
+        for k, v in enumerate(joined.sources):
+            simple = (
+                v.element.get("causality") in ("input", "parameter", "independent") or v.reference in states
+            )
+            of = frozenset([v.reference]) if simple else self._declared.get(v.reference)
+            self._symbols[sp.Symbol(f"source_{k}", real=True)] = self.inner(of)
+
+    def _read(self) -> dict[int, Knowns]:
+        given, found = self._given, {}
+        tags = (
+            ("Outputs/Unknown", "Derivatives/Unknown")
+            if given.version == 2
+            else ("Output", "ContinuousStateDerivative")
+        )
+        for tag in tags:
+            for u in given.root.findall(f"ModelStructure/{tag}"):
+                found[self.reference(u)] = self.listed(u)
+        return found
+
+    def reference(self, unknown: Element) -> int:
+        if self._given.version == 2:
+            return self._given.variables[int(unknown.get("index", "0")) - 1].reference
+        return int(unknown.get("valueReference", "0"))
+
+    def listed(self, unknown: Element) -> Knowns:
+        text = unknown.get("dependencies")
+        if text is None:
+            return None
+        numbers = [int(word) for word in text.split()]
+        if self._given.version == 2:
+            numbers = [self._given.variables[i - 1].reference for i in numbers]
+        return frozenset(numbers)
+
+    def inner(self, of: Knowns) -> Knowns:
+        """Return the knowns of something of the inner FMU: its driven inputs are results of the Block."""
+        if of is None:
+            return None
+        parts = [
+            self.output(f"driven_{self._driven[r]}") if r in self._driven else frozenset([r]) for r in of
+        ]
+        return _union(parts)
+
+    def output(self, name: str) -> Knowns:
+        return self.expression(self._joined.block.output_expressions[name])
+
+    def expression(self, e: sp.Basic) -> Knowns:
+        symbols = self._joined.block.expand(e).free_symbols
+        return _union([self._symbols.get(s, self._time) for s in symbols])
+
+
+def _union(parts: Iterable[Knowns]) -> Knowns:
+    found: frozenset[int] = frozenset()
+    for part in parts:
+        if part is None:
+            return None
+        found |= part
+    return found
+
+
+def _structure(given: Given, joined: Joined, knowns: _Knowns, first: int, renamed: Mapping[int, int]) -> None:
+    structure = given.root.find("ModelStructure")
+    assert structure is not None
+    block, two = joined.block, given.version == 2
+    listed = {v.reference: k for k, v in reversed(list(enumerate(given.variables, 1)))}
+    n, moving = len(block.states), block.n_continuous
+    for k in range(n + moving + len(block.parameters) + len(renamed)):
+        listed[first + k] = len(given.variables) + k + 1
+
+    def write(u: Element, reference: int, of: Knowns) -> None:
+        u.set("index" if two else "valueReference", str(listed[reference] if two else reference))
+        u.attrib.pop("dependenciesKind", None)
+        u.attrib.pop("dependencies", None)
+        if of is not None:
+            numbers = sorted({listed[r] for r in of} if two else of)
+            u.set("dependencies", " ".join(map(str, numbers)))
+
+    tags = (
+        ("Outputs/Unknown", "Derivatives/Unknown", "InitialUnknowns/Unknown")
+        if two
+        else ("Output", "ContinuousStateDerivative", "InitialUnknown")
+    )
+    measured = {v.reference: k for k, v in enumerate(joined.measured)}
+    for u in structure.findall(tags[0]):
+        r = knowns.reference(u)
+        of = knowns.output(f"measured_{measured[r]}") if r in measured else knowns.inner(knowns.listed(u))
+        write(u, renamed.get(r, r), of)
+    added: dict[int, list[Knowns]] = {}
+    for k, place in enumerate(joined.added):
+        added.setdefault(place, []).append(knowns.output(f"added_{k}"))
+    for place, u in enumerate(structure.findall(tags[1])):
+        write(u, knowns.reference(u), _union([knowns.inner(knowns.listed(u)), *added.get(place, [])]))
+    for u in structure.findall(tags[2]):
+        write(u, knowns.reference(u), None)
+    if not two:
+        for u in structure.findall("EventIndicator"):
+            write(u, knowns.reference(u), knowns.inner(knowns.listed(u)))
+    parts = {tag: copy.copy(structure.findall(tag)) for tag in tags}
+    slopes = [first + n + k for k in range(moving)]
+    of_slopes = [knowns.expression(block.derivatives[s.name]) for s in block.states[:moving]]
+    rows = (
+        [(tags[1], r, of) for r, of in zip(slopes, of_slopes, strict=True)]
+        if given.exchange is not None
+        else []
+    )
+    initial = [*slopes] if given.exchange is not None else []
+    rows += [(tags[2], r, None) for r in (*initial, *renamed.values())]
+    for tag, r, of in rows:
+        write(_appended(structure, tag, parts), r, of)
+
+
+def _appended(structure: Element, tag: str, parts: dict[str, list[Element]]) -> Element:
+    """Append an unknown to its list; lists have a fixed order."""
+    order = list(parts)
+    if "/" in tag:
+        outer, inner = tag.split("/")
+        parent = structure.find(outer)
+        if parent is None:
+            parent = Element(outer)
+            names = [o.split("/")[0] for o in order]
+            before = [e for e in structure if names.index(e.tag) < names.index(outer)]
+            structure.insert(len(before), parent)
+        return SubElement(parent, inner)
+    before = [e for e in structure if e.tag in order[: order.index(tag) + 1]]
+    element = Element(tag)
+    structure.insert(list(structure).index(before[-1]) + 1 if before else 0, element)
+    return element
