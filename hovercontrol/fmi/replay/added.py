@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -43,20 +43,19 @@ class Added:
         for name, block in blocks.items():
             if block.states:
                 raise InputError(f"{block.states[0].name}: a law added to an FMU has no states of its own")
-            smooth = {s.name: regularise(block.expand(block.output_expressions[s.name])) for s in block.outputs}
+            smooth = {
+                s.name: regularise(block.expand(block.output_expressions[s.name])) for s in block.outputs
+            }
             found.append((derivatives[name], replace(block, output_expressions=smooth, definitions={})))
         return cls(tuple(found))
 
     @cached_property
-    def _functions(self) -> list[tuple[int, Any, list[float]]]:
-        return [
-            (place, block.to_numpy().scalar_pair("outputs")[0], block.parameter_values())
-            for place, block in self.blocks
-        ]
+    def _functions(self) -> list[tuple[int, Any]]:
+        return [(place, block.to_numpy().scalar_pair("outputs")[0]) for place, block in self.blocks]
 
-    def to(self, rates: Array, t: float, x: Array, u: Array) -> Array:
-        """Return the rates with the laws added."""
+    def to(self, rates: Array, t: float, x: Array, u: Array, numbers: Sequence[Sequence[float]]) -> Array:
+        """Return the rates with the laws added; `numbers` are the values of each Block's parameters."""
         z = np.concatenate([x, u]).tolist()
-        for place, function, parameters in self._functions:
+        for (place, function), parameters in zip(self._functions, numbers, strict=True):
             rates[place] += function(t, (), z, parameters)[0]
         return rates

@@ -93,9 +93,7 @@ class FmuFit:
         return np.asarray(np.sqrt(np.nanmean(every**2, axis=0)))
 
 
-def fit_fmu(
-    plant: FmuPlant, logs: Sequence[Rows], progress: Callable[[str], None] | None = None
-) -> FmuFit:
+def fit_fmu(plant: FmuPlant, logs: Sequence[Rows], progress: Callable[[str], None] | None = None) -> FmuFit:
     """Fit an FMU to logs from its present values.
 
     Raises
@@ -134,8 +132,7 @@ def refine(unknowns: Unknowns, values: Array, iterations: int) -> FmuFit:
     base = unknowns.predict(values)
     residuals = _residuals(unknowns, base)
     J = [
-        white.apply(s, np.isfinite(r))
-        for s, r in zip(unknowns.slopes(values, base), residuals, strict=True)
+        white.apply(s, np.isfinite(r)) for s, r in zip(unknowns.slopes(values, base), residuals, strict=True)
     ]
     w = [white.apply(r, np.isfinite(r)) for r in residuals]
     S = np.sum([np.einsum("kci,kcj->ij", a, a) for a in J], axis=0)
@@ -158,9 +155,9 @@ def minimise(unknowns: Unknowns, values: Array, white: Whitening, most: int) -> 
         accepted = False
         for _ in range(12):
             step = np.zeros_like(values)
-            step[free] = np.linalg.lstsq(
-                R + damping * np.eye(len(R)), (g / scale)[free], rcond=1e-12
-            )[0] / scale[free]
+            step[free] = (
+                np.linalg.lstsq(R + damping * np.eye(len(R)), (g / scale)[free], rcond=1e-12)[0] / scale[free]
+            )
             new = np.clip(values + step, unknowns.lower, unknowns.upper)
             try:
                 there = unknowns.predict(new)
@@ -229,12 +226,12 @@ def _white(unknowns: Unknowns, values: Array, **options: int) -> Whitening:
 
 
 def _cost(unknowns: Unknowns, base: Sequence[Array], white: Whitening) -> float:
-    return sum(
-        float((white.apply(r, np.isfinite(r)) ** 2).sum()) for r in _residuals(unknowns, base)
-    )
+    return sum(float((white.apply(r, np.isfinite(r)) ** 2).sum()) for r in _residuals(unknowns, base))
 
 
-def _normal(unknowns: Unknowns, values: Array, base: Sequence[Array], white: Whitening) -> tuple[Array, Array]:
+def _normal(
+    unknowns: Unknowns, values: Array, base: Sequence[Array], white: Whitening
+) -> tuple[Array, Array]:
     """Return J'w and J'J."""
     n = len(values)
     g, S = np.zeros(n), np.zeros((n, n))

@@ -159,7 +159,9 @@ class FmuPlant:
         for name in own:
             self.value(name)
         return replace(
-            self, values={**self.values, **own}, around=self.around.with_values(around) if around else self.around
+            self,
+            values={**self.values, **own},
+            around=self.around.with_values(around) if around else self.around,
         )
 
     def with_effects(
@@ -202,11 +204,10 @@ class FmuPlant:
         RunFailed
             If the FMU refuses, crashes, hangs, or answers a value that is not a number.
         """
-        before = self._blocks[0]
-        u = inputs if before is None else through(before, time, inputs, held=True)
-        found = self.runs.run(
-            time, u, self._in_order(), states, self.pieces_of(time), self._blocks[2]
-        )
+        before, _, added = structure(self.around)
+        u = inputs if before is None else through(before, self._numbers(before), time, inputs, held=True)
+        numbers = [self._numbers(block) for _, block in added.blocks] if added else []
+        found = self.runs.run(time, u, self._in_order(), states, self.pieces_of(time), added, numbers)
         if not np.isfinite(found).all():
             row, column = np.argwhere(~np.isfinite(found))[0]
             name = (*self.outputs, *self.states)[column].name
@@ -215,11 +216,11 @@ class FmuPlant:
 
     def seen(self, time: Array, raw: Array) -> Array:
         """Return the measured outputs, and the states, of :meth:`raw`."""
-        after = self._blocks[1]
+        after = structure(self.around)[1]
         if after is None:
             return raw
         n = len(self.outputs)
-        return np.hstack([through(after, time, raw[:, :n], held=False), raw[:, n:]])
+        return np.hstack([through(after, self._numbers(after), time, raw[:, :n], held=False), raw[:, n:]])
 
     def initial(self, inputs: Sequence[float]) -> list[float]:
         """Return the continuous states after initialisation with the present values."""
@@ -229,16 +230,34 @@ class FmuPlant:
         """Free the FMU; also of all copies."""
         self.runs.close()
 
-    @cached_property
-    def _blocks(self) -> tuple[Block | None, Block | None, Added | None]:
-        around = self.around
-        places = {d: i for i, (_, d) in enumerate(around.derivatives)}
-        added = Added.of(around.added, places) if around.in_equations else None
-        return around.before, around.after, added
+    def _numbers(self, block: Block) -> list[float]:
+        """Return the values of a Block's parameters."""
+        values = self.around.values
+        return [values[s.name] for s in block.parameters]
 
     def _in_order(self) -> list[float | None]:
         labels = (label for v in self.interface.parameters for label in v.labels)
         return [self.values.get(label) for label in labels]
+
+
+_STRUCTURES: dict[tuple[object, ...], tuple[Block | None, Block | None, Added | None]] = {}
+
+
+def structure(around: Around) -> tuple[Block | None, Block | None, Added | None]:
+    """Return the Blocks before and after an FMU and the laws added; cached, for any numbers of the effects."""
+    key = (
+        around.inputs,
+        around.outputs,
+        around.states,
+        *(tuple(map(type, group)) for group in (around.at_inputs, around.at_outputs, around.in_equations)),
+    )
+    if key not in _STRUCTURES:
+        if len(_STRUCTURES) > 500:
+            _STRUCTURES.clear()
+        places = {d: i for i, (_, d) in enumerate(around.derivatives)}
+        added = Added.of(around.added, places) if around.in_equations else None
+        _STRUCTURES[key] = around.before, around.after, added
+    return _STRUCTURES[key]
 
 
 @checked
@@ -310,7 +329,9 @@ def fmu_plant(
             tuple(zip((s.name for s in states), derivatives, strict=True)),
         )
         runs = Runs(source, called, isolated, float(timeout))
-        plant = FmuPlant(called, source, runs, tuple(fit), {}, around, free_start and exchange and bool(states))
+        plant = FmuPlant(
+            called, source, runs, tuple(fit), {}, around, free_start and exchange and bool(states)
+        )
         for one in fit:
             plant.value(one)
             if list(fit).count(one) > 1:

@@ -12,6 +12,7 @@ import ctypes
 import math
 import pickle
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -100,6 +101,7 @@ class Replayer:
         states: Sequence[float] | None,
         pieces: int,
         added: str = "",
+        numbers: Sequence[Sequence[float]] = (),
     ) -> str:
         """Return outputs and states at all rows of a log, base64 of shape (rows, outputs + states).
 
@@ -117,6 +119,8 @@ class Replayer:
             Steps from row to row.
         added : str, optional
             Base64 of a pickled :class:`.added.Added`.
+        numbers : sequence of sequence of float, optional
+            Values of the parameters of each of its Blocks.
         """
         time = self._times[key]
         u = np.ascontiguousarray(array_of(inputs).reshape(len(time), self._inputs))
@@ -126,8 +130,8 @@ class Replayer:
             engine.begin(float(time[0]), parameters, u[0].tolist())
             if states is not None:
                 engine.at_event(float(time[0]), np.array(states, dtype=float), u[0])
-            law = pickle.loads(base64.b64decode(added)) if added else None
-            _Exchange(engine, self, time, u, x, y, pieces, law).all()
+            rates = _rates(engine, _law(added), numbers) if added else engine.derivatives
+            _Exchange(engine, self, time, (u, x, y), pieces, rates).all()
         else:
             engine.start(float(time[0]), parameters, u[0].tolist())
             self._steps(engine, time, u, y, pieces)
@@ -233,23 +237,18 @@ class _Exchange:
         engine: Continuous,
         replayer: Replayer,
         time: Array,
-        u: Array,
-        x: Array,
-        y: Array,
+        arrays: tuple[Array, Array, Array],
         pieces: int,
-        added: Added | None,
+        rates: Callable[[float, Array, Array], Array],
     ) -> None:
-        self._engine, self._replayer, self._time, self._u = engine, replayer, time, u
-        self._x, self._y, self._pieces, self._added = x, y, pieces, added
+        self._engine, self._replayer, self._time = engine, replayer, time
+        (self._u, self._x, self._y), self._pieces, self._rates = arrays, pieces, rates
         self._held = replayer.library is None and not replayer._plain
-        self._rates: Callable[[float, Array, Array], Array] = engine.derivatives
-        if added is not None:
-            self._rates = lambda t, x, u: added.to(engine.derivatives(t, x, u), t, x, u)
 
     def all(self) -> None:
         state = np.ascontiguousarray(self._engine.states, dtype=float)
         library = self._replayer.library
-        if library is None or self._added is not None:
+        if library is None or self._rates is not self._engine.derivatives:
             self._slowly(state)
             return
         job = self._replayer.job(self._time, self._u, self._x, self._y, state, self._pieces)
@@ -297,7 +296,7 @@ class _Exchange:
                 state[:] = self._step(t + i * h, state.copy(), h, k)
 
     def _hold(self, row: int) -> None:
-        """The FMU ended the run: its values stay."""
+        """Keep the values at the end of a run that the FMU ended."""
         self._y[row + 1 :], self._x[row + 1 :] = self._y[row], self._x[row]
 
     def _event(self, t: float, state: Array, row: int) -> None:
@@ -355,6 +354,19 @@ class _Exchange:
             else:
                 low = middle
         return high
+
+
+@lru_cache(maxsize=16)
+def _law(text: str) -> Added:
+    found: Added = pickle.loads(base64.b64decode(text))  # made by this package, in the parent
+    return found
+
+
+def _rates(
+    engine: Continuous, added: Added, numbers: Sequence[Sequence[float]]
+) -> Callable[[float, Array, Array], Array]:
+    """Return the FMU's derivatives with laws added."""
+    return lambda t, x, u: added.to(engine.derivatives(t, x, u), t, x, u, numbers)
 
 
 def text_of(values: Array) -> str:

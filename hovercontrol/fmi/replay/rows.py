@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -66,7 +68,9 @@ def rows_of(plant: FmuPlant, log: Log) -> tuple[list[Rows], list[str]]:
         if not log.has(name):
             raise InputError(f"{log.name}: no column for the input {name!r}{did_you_mean(name, log.columns)}")
     if not channels:
-        raise InputError(f"{log.name}: no column for an output of {plant.name}; expected one of {', '.join(names)}")
+        raise InputError(
+            f"{log.name}: no column for an output of {plant.name}; expected one of {', '.join(names)}"
+        )
     log, said = prepared(log, channels, inputs)
     if len(log) < FEWEST:
         raise InputError(f"{log.name}: expected at least {FEWEST} rows, found {len(log)}")
@@ -82,6 +86,22 @@ def rows_of(plant: FmuPlant, log: Log) -> tuple[list[Rows], list[str]]:
             time, own, measured = _filled(log.time[a:b] - log.time[a], u[a:b], y[a:b])
             found.append(Rows(name, time, own, places, measured))
     return found, said
+
+
+def trials_of(model: FmuPlant, logs: Sequence[Log]) -> list[Rows]:
+    """Return all trials of logs, with a warning for each change of a log."""
+    found: list[Rows] = []
+    for log in logs:
+        rows, said = rows_of(model, log)
+        for line in said:
+            warnings.warn(line, stacklevel=5)
+        found += rows
+    if not found:
+        raise InputError(f"{logs[0].name}: expected a trial with at least 10 rows")
+    for one in found:
+        if one.places != found[0].places:
+            raise InputError(f"{one.name}: expected the same measured channels in all logs")
+    return found
 
 
 def _filled(time: Array, u: Array, y: Array) -> tuple[Array, Array, Array]:

@@ -71,6 +71,7 @@ class Runs:
         states: Sequence[float] | None,
         pieces: int,
         added: Added | None = None,
+        numbers: Sequence[Sequence[float]] = (),
     ) -> Array:
         """Return outputs and states at the rows, shape (K, n_outputs + n_states).
 
@@ -83,7 +84,7 @@ class Runs:
         self.count += 1
         law = base64.b64encode(pickle.dumps(added)).decode() if added else ""
         begin = None if states is None else [float(x) for x in states]
-        text = self._call("run", key, text_of(inputs), list(parameters), begin, pieces, law)
+        text = self._call("run", key, text_of(inputs), list(parameters), begin, pieces, law, list(numbers))
         return array_of(text).reshape(len(time), self.rows)
 
     def close(self) -> None:

@@ -6,10 +6,14 @@ where the first row's inputs, held for long, would have brought them.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.delays import undelayed
 from hovercontrol.targets.follow import follow
 
 Array = NDArray[np.float64]
@@ -19,21 +23,23 @@ Array = NDArray[np.float64]
 SETTLING, GROWTH = 48, 1.2
 
 
-def through(block: Block, time: Array, u: Array, *, held: bool) -> Array:
+def through(block: Block, parameters: Sequence[float], time: Array, u: Array, *, held: bool) -> Array:
     """Return the outputs of a Block at the rows, shape (K, n_outputs).
 
     Parameters
     ----------
     block : Block
         Continuous; its delays are computed here.
+    parameters : sequence of float
+        Values of all its parameters, in order.
     time : ndarray, shape (K,)
         [s]
     u : ndarray, shape (K, n_inputs)
     held : bool
         Whether the inputs are held from row to row; otherwise they are interpolated.
     """
-    parameters = block.parameter_values()
-    late = delay_of(block)
+    late = delay_of(block, parameters)
+    block = _prompt(block)
     if late:
         u = held_late(time, u, late) if held else interpolated_late(time, u, late)
     x = _states(block, time, u if held else _means(u), parameters)
@@ -42,11 +48,11 @@ def through(block: Block, time: Array, u: Array, *, held: bool) -> Array:
     return np.stack([np.broadcast_to(y, time.shape) for y in found], axis=1).astype(float)
 
 
-def delay_of(block: Block) -> float:
+def delay_of(block: Block, parameters: Sequence[float]) -> float:
     """Return how late a Block's inputs act [s]; all by the same time."""
     if not block.delays:
         return 0.0
-    values = dict(zip((s.symbol for s in block.parameters), block.parameter_values(), strict=True))
+    values = dict(zip((s.symbol for s in block.parameters), parameters, strict=True))
     return float(next(iter(block.delays.values())).xreplace(values))
 
 
@@ -79,7 +85,12 @@ def _means(u: Array) -> Array:
     return np.asarray(0.5 * (u + np.vstack([u[1:], u[-1:]])))
 
 
-def _states(block: Block, time: Array, u: Array, parameters: list[float]) -> Array:
+@lru_cache(maxsize=64)
+def _prompt(block: Block) -> Block:
+    return undelayed(block) if block.delays else block
+
+
+def _states(block: Block, time: Array, u: Array, parameters: Sequence[float]) -> Array:
     """Return the states at the rows, shape (n_states, K)."""
     n, K = len(block.states), len(time)
     if not n or K < 2:

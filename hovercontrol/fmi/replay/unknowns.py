@@ -54,11 +54,13 @@ class Unknowns:
     plant : FmuPlant
         Its values are where a fit begins.
     logs : sequence of Rows
+    starts_only : bool, optional
+        Whether only the states at the start of the logs are estimated.
     """
 
-    def __init__(self, plant: FmuPlant, logs: Sequence[Rows]) -> None:
+    def __init__(self, plant: FmuPlant, logs: Sequence[Rows], *, starts_only: bool = False) -> None:
         self.plant, self.logs = plant, list(logs)
-        self.every = [*_of_fmu(plant), *_around(plant)]
+        self.every = [] if starts_only else [*_of_fmu(plant), *_around(plant)]
         if plant.free_start:
             self.every += _starts(plant, self.logs)
         self.names = tuple(u.name for u in self.every)
@@ -70,8 +72,7 @@ class Unknowns:
 
     def head(self, share: float) -> Unknowns:
         """Return the same unknowns over the first part of each log."""
-        other = Unknowns(self.plant, [rows.head(share) for rows in self.logs])
-        return other
+        return Unknowns(self.plant, [rows.head(share) for rows in self.logs])
 
     def start(self) -> Array:
         """Return the values where a fit begins.
@@ -84,9 +85,11 @@ class Unknowns:
             If the FMU does not initialise.
         """
         around, found = self.plant.around.values, []
-        initial = {k: self.plant.initial(rows.inputs[0]) for k, rows in enumerate(self.logs)} if (
-            self.plant.free_start
-        ) else {}
+        initial = (
+            {k: self.plant.initial(rows.inputs[0]) for k, rows in enumerate(self.logs)}
+            if (self.plant.free_start)
+            else {}
+        )
         for u in self.every:
             if u.place == "fmu":
                 found.append(self.plant.value(u.name))

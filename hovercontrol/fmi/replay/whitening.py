@@ -121,13 +121,17 @@ def _autoregression(parts: Sequence[Array], floor: float, most: int) -> Array:
     every = np.concatenate(parts)
     if most < 1 or np.sqrt(np.nanmean(every**2)) <= floor:
         return np.zeros(0)
-    columns = [np.column_stack([np.nan_to_num(p)[most - i : len(p) - i] for i in range(most + 1)]) for p in parts]
-    rows = np.concatenate([c[np.isfinite(p[most:])] for c, p in zip(columns, parts, strict=True)])
-    y, X, n = rows[:, 0], rows[:, 1:], len(rows)
-    best, chosen = n * math.log(max(float(np.mean(y**2)), floor**2)), np.zeros(0)
-    for p in range(1, most + 1):
-        a = np.linalg.lstsq(X[:, :p], y, rcond=None)[0]
-        score = n * math.log(max(float(np.mean((y - X[:, :p] @ a) ** 2)), floor**2)) + p * math.log(n)
+    gram, n = np.zeros((most + 1, most + 1)), 0
+    for p in parts:
+        lagged = np.column_stack([np.nan_to_num(p)[most - i : len(p) - i] for i in range(most + 1)])
+        lagged = lagged[np.isfinite(p[most:])]
+        gram, n = gram + lagged.T @ lagged, n + len(lagged)
+    best, chosen = n * math.log(max(gram[0, 0] / n, floor**2)), np.zeros(0)
+    for order in range(1, most + 1):
+        own = slice(1, order + 1)
+        a = np.linalg.lstsq(gram[own, own], gram[own, 0], rcond=1e-13)[0]
+        left = gram[0, 0] - a @ gram[own, 0]  # y'y - a'X'y, the sum of squares that is left
+        score = n * math.log(max(left / n, floor**2)) + order * math.log(n)
         if score < best:
             best, chosen = score, a
     return chosen
