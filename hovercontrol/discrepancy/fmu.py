@@ -1,9 +1,9 @@
 """What an FMU lacks: effects before its inputs, after its outputs and in its derivatives, by likelihood.
 
-Each candidate is screened by its linear response beside the sensitivities of the fit. The best are fitted with
-all parameters, and Schwarz' criterion of the whitened residuals (:mod:`hovercontrol.fmi.replay.whitening`)
-decides: residuals that depend on their past are an autoregression, as process noise would make them, so that a
-disturbed plant does not call for an effect.
+Each candidate is screened by its linear response beside the sensitivities of the fit. The best are fitted
+with all parameters, and Schwarz' criterion of the whitened residuals (:mod:`hovercontrol.fmi.replay.whitening`)
+decides: residuals that depend on their past are an autoregression, as process noise would make them, so
+that a disturbed plant does not call for an effect.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from hovercontrol.fmi.replay.candidates import Candidate, candidates
 from hovercontrol.fmi.replay.held_out import held_out
 from hovercontrol.fmi.replay.output_error import FmuFit, fit_fmu, refine
 from hovercontrol.fmi.replay.plant import FmuPlant
-from hovercontrol.fmi.replay.rows import trials_of
+from hovercontrol.fmi.replay.rows import Rows, trials_of
 from hovercontrol.fmi.replay.runs import RunFailed
 from hovercontrol.fmi.replay.start_values import around_json, save_around, save_copy, save_csv, save_ssv
 from hovercontrol.fmi.replay.unknowns import Unknowns, estimated
@@ -42,8 +42,8 @@ class FmuCriteria:
     """Thresholds of the search.
 
     No published source for `fitted`, `screened` and `worse`: set by hand, tested in
-    tests/discrepancy/test_fmu.py. Differences of Schwarz' criterion: above 10 the evidence is very strong, above
-    6 strong (Kass and Raftery, JASA 90 (1995)).
+    tests/discrepancy/test_fmu.py. Differences of Schwarz' criterion: above 10 the evidence is very strong,
+    above 6 strong (Kass and Raftery, JASA 90 (1995)).
 
     Attributes
     ----------
@@ -111,8 +111,8 @@ class FmuDiagnosis:
     Attributes
     ----------
     verdict : {"none", "effect", "partial", "ambiguous", "unexplained"}
-        As of :class:`~hovercontrol.discrepancy.diagnosis.Diagnosis`; a remainder is a residual that depends on
-        its past.
+        As of :class:`~hovercontrol.discrepancy.diagnosis.Diagnosis`; a remainder is a residual that
+        depends on its past.
     effects : tuple of FmuNamed
     model : FmuPlant
         As given.
@@ -204,7 +204,6 @@ def diagnose_fmu(
     names: Sequence[str] | None = None,
     max_effects: int = 3,
     progress: Callable[[float, str], None] | None = None,
-    derivatives: Sequence[str] = (),
 ) -> FmuDiagnosis:
     """Find which effects an FMU lacks; see :func:`~hovercontrol.discrepancy.diagnose.diagnose`.
 
@@ -215,7 +214,9 @@ def diagnose_fmu(
     """
     report = progress or (lambda part, what: None)
     rows = trials_of(model, logs)
-    wanted = _wanted(model, rows, names, derivatives)
+    if max_effects < 1:
+        raise InputError(f"max_effects: expected 1 or more, found {max_effects}")
+    wanted = _wanted(model, rows, names)
     done = [0]
 
     def said(what: str) -> None:
@@ -224,9 +225,9 @@ def diagnose_fmu(
 
     with threadpool_limits(1, "blas"):
         base = fit_fmu(model, rows, said)
-        now, named = base, []
+        now, named = base, list[FmuNamed]()
         while len(named) < max_effects:
-            step = _step(now, wanted, derivatives, said)
+            step = _step(now, wanted, said)
             if step is None:
                 break
             now, effect = step
@@ -264,16 +265,10 @@ def _verdict(named: Sequence[FmuNamed], remains: Sequence[str], worse: bool) -> 
     return "partial" if remains else "effect"
 
 
-def _wanted(
-    model: FmuPlant, rows: Sequence[Any], names: Sequence[str] | None, derivatives: Sequence[str]
-) -> set[str] | None:
-    states = [s.name for s in model.states]
-    for name in derivatives:
-        if name not in states:
-            raise InputError(f"{model.path}: no continuous state {name!r}{did_you_mean(name, states)}")
+def _wanted(model: FmuPlant, rows: Sequence[Rows], names: Sequence[str] | None) -> set[str] | None:
     if names is None:
         return None
-    known = candidates(model, rows, derivatives)
+    known = candidates(model, rows)
     every = {n for c in known for n in (c.name, c.cls.name)}
     for name in names:
         if name not in every:
@@ -282,10 +277,10 @@ def _wanted(
 
 
 def _step(
-    fit: FmuFit, wanted: set[str] | None, derivatives: Sequence[str], said: Callable[[str], None]
+    fit: FmuFit, wanted: set[str] | None, said: Callable[[str], None]
 ) -> tuple[FmuFit, FmuNamed] | None:
     """Return the fit with the best further effect, and the effect; None if there is none."""
-    every = candidates(fit.model, fit.unknowns.logs, derivatives)
+    every = candidates(fit.model, fit.unknowns.logs)
     every = [c for c in every if wanted is None or c.name in wanted]
     said("screening effects")
     found = _screened(fit, every)

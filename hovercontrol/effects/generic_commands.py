@@ -225,7 +225,7 @@ def saturation(signal: str, unit: str) -> type[Effect]:
 
 @remembered
 def gain(signal: str, unit: str) -> type[Effect]:
-    """Return the class of a wrong gain of an input; no search of a Block tries it, as its equations have gains."""
+    """Return the class of a wrong gain of an input; only FMUs are searched for it, as Blocks have gains."""
 
     def commands(self: Effect, c: Any, s: Any) -> dict[Signal, sp.Expr]:
         s.thrusts[signal] = (1 + c.value) * s.thrusts[signal]

@@ -14,9 +14,9 @@ from threadpoolctl import threadpool_limits
 from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.estimation.excitation import EXCITATION, covariance, named_directions, unexcited_directions
+from hovercontrol.fmi.replay.held_out import held_out
 from hovercontrol.fmi.replay.output_error import FmuFit, fit_fmu
 from hovercontrol.fmi.replay.plant import FmuPlant
-from hovercontrol.fmi.replay.held_out import held_out
 from hovercontrol.fmi.replay.rows import trials_of
 from hovercontrol.fmi.replay.start_values import save_around, save_copy, save_csv, save_ssv
 from hovercontrol.identify.result import Fitted, aligned

@@ -47,21 +47,15 @@ class Candidate:
         return plant.with_effects(**{self.place: [e]})
 
 
-def candidates(plant: FmuPlant, logs: Sequence[Rows], derivatives: Sequence[str] = ()) -> list[Candidate]:
-    """Return the effects that could be added around an FMU.
-
-    Parameters
-    ----------
-    derivatives : sequence of str, optional
-        States to whose derivatives laws may be added (Model Exchange).
-    """
+def candidates(plant: FmuPlant, logs: Sequence[Rows]) -> list[Candidate]:
+    """Return the effects that could be added around an FMU, and to the derivatives of `plant.laws_in`."""
     around = plant.around
     have = {
         *(f"before.{e.name}" for e in around.at_inputs),
         *(f"after.{e.name}" for e in around.at_outputs),
         *(f"added.{e.name}" for e in around.in_equations),
     }
-    found = [*_before(plant, logs), *_after(plant, logs), *_added(plant, logs, derivatives)]
+    found = [*_before(plant, logs), *_after(plant, logs), *_added(plant)]
     return [c for c in found if c.name not in have]
 
 
@@ -96,9 +90,9 @@ def _after(plant: FmuPlant, logs: Sequence[Rows]) -> Iterator[Candidate]:
         yield Candidate("after", TimeOffset, _tried(TimeOffset, 1.0, _step(logs)))
 
 
-def _added(plant: FmuPlant, logs: Sequence[Rows], derivatives: Sequence[str]) -> Iterator[Candidate]:
+def _added(plant: FmuPlant) -> Iterator[Candidate]:
     for s in plant.states:
-        if s.name in derivatives:
+        if s.name in plant.laws_in:
             yield Candidate("added", offset(s.name, s.unit), _tried(offset(s.name, s.unit), 1.0, 1.0))
             for law in _LAWS:
                 cls = drag(law, s.name, s.unit, s.nominal)

@@ -66,6 +66,8 @@ class FmuPlant:
     free_start : bool
         Whether the continuous states at the first row of each log are estimated too (Model Exchange). If
         not, a log begins at the FMU's start.
+    laws_in : tuple of str
+        Continuous states to whose derivatives ``diagnose`` may add laws.
     pieces : int
         Steps from row to row of a log; 0: as many as ``STEP`` or the FMU's own step needs.
     """
@@ -77,6 +79,7 @@ class FmuPlant:
     values: Mapping[str, float] = field(default_factory=dict)
     around: Around = field(default_factory=lambda: Around((), ()))
     free_start: bool = True
+    laws_in: tuple[str, ...] = ()
     pieces: int = 0
 
     def __repr__(self) -> str:
@@ -244,7 +247,7 @@ _STRUCTURES: dict[tuple[object, ...], tuple[Block | None, Block | None, Added | 
 
 
 def structure(around: Around) -> tuple[Block | None, Block | None, Added | None]:
-    """Return the Blocks before and after an FMU and the laws added; cached, for any numbers of the effects."""
+    """Return the Blocks before and after an FMU and the laws added; cached, whatever the effects' numbers."""
     key = (
         around.inputs,
         around.outputs,
@@ -268,6 +271,7 @@ def fmu_plant(
     values: Mapping[str, float] | None = None,
     kind: Kind | None = None,
     free_start: bool = True,
+    laws_in: Sequence[str] = (),
     isolated: bool = True,
     timeout: float = 60.0,
     strict: bool = True,
@@ -289,6 +293,9 @@ def fmu_plant(
     free_start : bool, optional
         Whether the states at the start of each log are estimated (Model Exchange only). If not, and for
         Co-Simulation, each log begins at the FMU's start.
+    laws_in : sequence of str, optional
+        Continuous states to whose derivatives ``diagnose`` may add a law (an offset, drag, dry friction);
+        Model Exchange only.
     isolated : bool, optional
         Run the FMU in a process of its own, so that its crash or hang is an error here.
     timeout : float, optional
@@ -329,9 +336,12 @@ def fmu_plant(
             tuple(zip((s.name for s in states), derivatives, strict=True)),
         )
         runs = Runs(source, called, isolated, float(timeout))
-        plant = FmuPlant(
-            called, source, runs, tuple(fit), {}, around, free_start and exchange and bool(states)
-        )
+        free = free_start and exchange and bool(states)
+        plant = FmuPlant(called, source, runs, tuple(fit), {}, around, free, tuple(laws_in))
+        known = [s.name for s in states]
+        for one in laws_in:
+            if one not in known:
+                raise InputError(f"{path}: no continuous state {one!r}{did_you_mean(one, known)}")
         for one in fit:
             plant.value(one)
             if list(fit).count(one) > 1:

@@ -6,6 +6,7 @@ import base64
 import pickle
 import weakref
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,7 +92,7 @@ class Runs:
         """End the process and free the folder; may be called twice."""
         self._end()
 
-    def _call(self, name: str, *arguments: object) -> object:
+    def _call(self, name: str, *arguments: object) -> Any:
         if not self._end.alive:
             raise InputError(f"FMU {self._name!r} is closed")
         try:

@@ -16,7 +16,7 @@ from hovercontrol.fmi.replay.runs import RunFailed
 
 Array = NDArray[np.float64]
 
-#: Relative step of differences: of an FMU that our steps integrate, and of one with a solver of its own, whose
+#: Relative step of differences: of an FMU that our steps integrate, and of one with its own solver, whose
 #: tolerance makes its outputs rough.
 STEPS = {"ModelExchange": 1e-6, "CoSimulation": 1e-4}
 

@@ -4,7 +4,7 @@ Each channel's residual e is an autoregression (Ljung, System Identification, 2n
 
     e(k) = a_1 e(k-1) + ... + a_p e(k-p) + w(k),    cov w = Sigma over the channels
 
-p is zero where the residual is white: the measurement noise alone. Process noise in the plant gives p > 0. The
+p is zero where the residual is white: the measurement noise alone. Process noise gives p > 0. The
 order minimises Schwarz' criterion ``n log var(w) + p log n``.
 """
 
@@ -102,7 +102,7 @@ def whitening_of(residuals: Sequence[Array], spread: Array, *, most: int = MOST_
     root = np.linalg.inv(np.linalg.cholesky(Sigma))
     log_det = float(np.linalg.slogdet(Sigma)[1])
     count = float(np.isfinite(W).sum()) / C
-    return Whitening(tuple(coefficients), root, log_det, count)
+    return Whitening(tuple(coefficients), np.asarray(root, dtype=float), log_det, count)
 
 
 def _filtered(e: Array, a: Array) -> Array:
@@ -133,5 +133,5 @@ def _autoregression(parts: Sequence[Array], floor: float, most: int) -> Array:
         left = gram[0, 0] - a @ gram[own, 0]  # y'y - a'X'y, the sum of squares that is left
         score = n * math.log(max(left / n, floor**2)) + order * math.log(n)
         if score < best:
-            best, chosen = score, a
+            best, chosen = score, np.asarray(a, dtype=float)
     return chosen
