@@ -83,7 +83,7 @@ def diagnose(
     ----------
     model : Model, BlockModel, Block or FmuPlant
         Its coefficients may be wrong: all are fitted. For a Block, the effects that any machine may have are
-        considered, as for a BlockModel without a catalogue. For an FMU (:func:`hovercontrol.fmu_plant`), those
+        considered, as for a BlockModel without a catalogue. For an FMU (:func:`hovercontrol.fmu_plant`), all
         before its inputs and after its outputs (:mod:`hovercontrol.discrepancy.fmu`).
     logs : sequence of Log
         Measured logs. They need the model's inputs and, for a craft, pose, body velocities or both; for any

@@ -1,7 +1,7 @@
 """What an FMU lacks: effects before its inputs, after its outputs and in its derivatives, by likelihood.
 
 Each candidate is screened by its linear response beside the sensitivities of the fit. The best are fitted
-with all parameters, and Schwarz' criterion of the whitened residuals (:mod:`hovercontrol.fmi.replay.whitening`)
+with all parameters. Schwarz' criterion of the whitened residuals (:mod:`hovercontrol.fmi.replay.whitening`)
 decides: residuals that depend on their past are an autoregression, as process noise would make them, so
 that a disturbed plant does not call for an effect.
 """
@@ -302,8 +302,8 @@ def _step(
 def _screened(fit: FmuFit, every: Sequence[Candidate]) -> list[tuple[float, Candidate, Effect]]:
     """Return candidates that may lower the sum of squares, the best first, and where a fit of each begins.
 
-    With w the residual over its root mean square, J the sensitivities of the fit and d the response to a trial
-    of size c, all of them so scaled: d' is d less its projection on J, and the best multiple a of it lowers the
+    With w the residual over its root mean square, J the sensitivities of the fit and d the response to a
+    trial, all of them so scaled: d' is d less its projection on J, and its best multiple lowers the
     sum of squares by ``(w d')^2 / d'd'``.
     """
     unknowns, scale = fit.unknowns, np.maximum(fit.rms, 1e-300)

@@ -139,6 +139,11 @@ class FmuPlant:
     def value(self, name: str) -> float:
         """Return a parameter's value.
 
+        Parameters
+        ----------
+        name : str
+            The FMU's name of it.
+
         Raises
         ------
         InputError
@@ -151,6 +156,11 @@ class FmuPlant:
 
     def with_values(self, values: Mapping[str, float]) -> FmuPlant:
         """Return the model with other values of parameters, or of numbers around the FMU.
+
+        Parameters
+        ----------
+        values : mapping of str to float
+            By the FMU's name of a parameter, or by a key of ``around.values``.
 
         Raises
         ------
@@ -173,7 +183,12 @@ class FmuPlant:
         after: Sequence[Effect] = (),
         added: Sequence[Effect] = (),
     ) -> FmuPlant:
-        """Return the model with effects added: before the inputs, after the outputs, to the derivatives.
+        """Return the model with effects added.
+
+        Parameters
+        ----------
+        before, after, added : sequence of Effect, optional
+            Before the inputs, after the outputs, to the derivatives.
 
         Raises
         ------
@@ -190,7 +205,13 @@ class FmuPlant:
         return replace(self, around=around)
 
     def pieces_of(self, time: Array) -> int:
-        """Return the number of steps from row to row."""
+        """Return the number of steps from row to row.
+
+        Parameters
+        ----------
+        time : ndarray, shape (K,)
+            [s]
+        """
         if self.pieces:
             return self.pieces
         longest = float(np.diff(time).max(initial=0.0))
@@ -201,6 +222,15 @@ class FmuPlant:
 
     def raw(self, time: Array, inputs: Array, states: Sequence[float] | None) -> Array:
         """Return the FMU's outputs and states at the rows, before the effects after it.
+
+        Parameters
+        ----------
+        time : ndarray, shape (K,)
+            [s]
+        inputs : ndarray, shape (K, n_inputs)
+            As they are given; held from row to row.
+        states : sequence of float, optional
+            Continuous states at the first row; None: the FMU's.
 
         Raises
         ------
@@ -218,7 +248,15 @@ class FmuPlant:
         return found
 
     def seen(self, time: Array, raw: Array) -> Array:
-        """Return the measured outputs, and the states, of :meth:`raw`."""
+        """Return the measured outputs, and the states.
+
+        Parameters
+        ----------
+        time : ndarray, shape (K,)
+            [s]
+        raw : ndarray, shape (K, n_outputs + n_states)
+            Of :meth:`raw`.
+        """
         after = structure(self.around)[1]
         if after is None:
             return raw
@@ -226,7 +264,13 @@ class FmuPlant:
         return np.hstack([through(after, self._numbers(after), time, raw[:, :n], held=False), raw[:, n:]])
 
     def initial(self, inputs: Sequence[float]) -> list[float]:
-        """Return the continuous states after initialisation with the present values."""
+        """Return the continuous states after initialisation with the present values.
+
+        Parameters
+        ----------
+        inputs : sequence of float
+            At the start.
+        """
         return self.runs.initial(self._in_order(), inputs)
 
     def close(self) -> None:
