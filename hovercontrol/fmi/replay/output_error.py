@@ -112,9 +112,13 @@ def fit_fmu(plant: FmuPlant, logs: Sequence[Rows], progress: Callable[[str], Non
     if max(len(rows.time) for rows in logs) >= LONG and len(values):
         for share in HEADS:
             report(f"fitting the first {share:.0%}")
-            part = unknowns.head(share)
-            white = _white(part, values, most=0)
-            values = minimise(part, values, white, PART_ITERATIONS)[0]
+            try:
+                part = unknowns.head(share)
+                found = minimise(part, values, _white(part, values, most=0), PART_ITERATIONS)[0]
+                unknowns.predict(found)
+            except RunFailed:  # a short part may lead to values with which a longer run diverges
+                continue
+            values = found
     report("fitting all rows")
     return refine(unknowns, values, ITERATIONS)
 
@@ -202,7 +206,7 @@ def accurate(plant: FmuPlant, logs: Sequence[Rows]) -> FmuPlant:
             found = unknowns.predict(unknowns.start())[0]
         except RunFailed as fault:  # perhaps unstable with so long a step
             found, why = None, str(fault)
-            if "SetTime" not in why and "is nan" not in why and "is inf" not in why and "is -inf" not in why:
+            if "process" in why:  # it crashed or hung
                 raise InputError(f"FMU {plant.name!r} failed on {rows.name}: {why}") from None
         if found is not None and last is not None:
             spread = np.maximum(np.nanstd(rows.values, axis=0), 1e-12)
