@@ -70,6 +70,12 @@ class FmuPlant:
         Continuous states to whose derivatives ``diagnose`` may add laws.
     pieces : int
         Steps from row to row of a log; 0: as many as ``STEP`` or the FMU's own step needs.
+
+    Examples
+    --------
+    >>> plant = fmu_plant("plant.fmu", fit=["mass"])  # doctest: +SKIP
+    >>> plant.value("mass")  # doctest: +SKIP
+    2.0
     """
 
     name: str
