@@ -50,6 +50,7 @@ if TYPE_CHECKING:
     from hovercontrol.estimators.observability import observability
     from hovercontrol.estimators.regression import regression
     from hovercontrol.estimators.unscented import unscented_kalman
+    from hovercontrol.fmi.replay.plant import FmuPlant, fmu_plant
     from hovercontrol.guidance import (
         command_filter,
         course_control,
@@ -115,6 +116,8 @@ __all__ = [
     "check",
     "identify",
     "diagnose",
+    "fmu_plant",
+    "FmuPlant",
     # controllers, references, estimators
     "tracking_controller",
     "lqr",

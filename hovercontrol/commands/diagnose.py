@@ -23,6 +23,7 @@ def diagnose(
     model: given.ModelFile = None,
     vehicle: given.Vehicle = None,
     params: given.Params = None,
+    fit: given.Fit = "",
     holdout: given.Holdout = None,
     effects: Annotated[
         str,
@@ -75,6 +76,30 @@ def diagnose(
     check_folder(out)
     held = holdout or []
     given.refuse_twice("diagnose", logs, held)
+    plant = given.fmu_of("diagnose", model, fit, params)
+    if plant is not None:
+        from hovercontrol.discrepancy.fmu import diagnose_fmu
+        from hovercontrol.models.blockmodel import BlockModel
+
+        read = given.reader(
+            BlockModel(plant.reading),
+            columns,
+            bench,
+            bench_fans,
+            only_while,
+            settle,
+            missing=missing,
+            trial=trial,
+        )
+        with given.progress_bar("diagnose", 1.0) as report:
+            logs_, held_ = ([read(name) for name in group] for group in (logs, held))
+            wanted = given.listed(effects, "--effects")
+            lacking = diagnose_fmu(plant, logs_, held_, wanted, max_effects, report)
+            files = lacking.save(out)
+        for warning in lacking.warnings:
+            print(f"warning: {warning}", file=sys.stderr)
+        given.show("\n".join(lacking.sentences()), files, out, lacking.result() if json else None)
+        return 0 if lacking.verdict in ("none", "effect") else 1
     lacks = given.model_of("diagnose", model, vehicle, params)
     names = given.listed(effects, "--effects")
     for name in names or []:

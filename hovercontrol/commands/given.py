@@ -17,6 +17,7 @@ from hovercontrol.io import output
 if TYPE_CHECKING:
     from hovercontrol.core.block import Block
     from hovercontrol.display.progress import Report
+    from hovercontrol.fmi.replay.plant import FmuPlant
     from hovercontrol.logs import Log
     from hovercontrol.models.blockmodel import BlockModel
     from hovercontrol.models.model import Model
@@ -38,7 +39,14 @@ Logs = Annotated[
 ]
 ModelFile = Annotated[
     str | None,
-    typer.Option("--model", help="Model file (TOML), or FILE.py:NAME of a Model, BlockModel or Block."),
+    typer.Option(
+        "--model",
+        help="Model file (TOML), or FILE.py:NAME of a Model, BlockModel or Block; FILE.fmu with --fit.",
+    ),
+]
+Fit = Annotated[
+    str,
+    typer.Option("--fit", help="Parameters of an FMU (--model plant.fmu) to fit, separated by commas."),
 ]
 Params = Annotated[
     Path | None,
@@ -140,6 +148,25 @@ def model_of(
         return as_model(own)
     found: Model | BlockModel = load_model(model) if model else known_vehicle(vehicle or "c17_experiment")
     return _with(found, params)
+
+
+def fmu_of(command: str, model: str | None, fit: str, params: Path | None = None) -> FmuPlant | None:
+    """Return the FMU that ``--model`` names; None if it names no FMU.
+
+    Raises
+    ------
+    InputError
+        If the FMU cannot be used, or an option does not belong to it.
+    """
+    if not (model and model.endswith(".fmu")):
+        if fit:
+            raise InputError(f"{command}: --fit belongs to an FMU; expected --model FILE.fmu")
+        return None
+    if params:
+        raise InputError(f"{command}: --params belongs to a model FILE.py:NAME, found {model}")
+    from hovercontrol.fmi.replay.plant import fmu_plant
+
+    return fmu_plant(model, listed(fit, "--fit") or [])
 
 
 def craft(command: str, model: str | None, vehicle: str | None) -> Model:

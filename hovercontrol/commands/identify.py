@@ -24,6 +24,7 @@ def identify(
     model: given.ModelFile = None,
     vehicle: given.Vehicle = None,
     params: given.Params = None,
+    fit: given.Fit = "",
     holdout: given.Holdout = None,
     coefficients: Annotated[
         str,
@@ -65,6 +66,29 @@ def identify(
     check_folder(out)
     given.refuse_twice("identify", names, held)
     sought = given.listed(coefficients, "--coefficients")
+    plant = given.fmu_of("identify", model, fit, params)
+    if plant is not None:
+        from hovercontrol.identify.fmu import identify_fmu
+        from hovercontrol.models.blockmodel import BlockModel
+
+        read = given.reader(
+            BlockModel(plant.reading),
+            columns,
+            bench,
+            bench_fans,
+            only_while,
+            settle,
+            missing=missing,
+            trial=trial,
+        )
+        with given.progress_bar("identify", 1.0) as report:
+            logs_, held_ = ([read(name) for name in group] for group in (names, held))
+            result = identify_fmu(plant, logs_, sought, held_, report)
+            files = result.save(out)
+        values = [vars(c) | {"excited": c.excited} for c in result.coefficients]
+        content = {"coefficients": values, "residual": result.residual, "converged": result.converged}
+        given.show(result.table(), files, out, content if json else None)
+        return 1 if result.negative else 0
     found = given.model_of("identify", model, vehicle, params)
     read = given.reader(
         found, columns, bench, bench_fans, only_while, settle, frame, missing=missing, trial=trial

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import overload
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -17,6 +18,7 @@ from hovercontrol.discrepancy.evidence.laws import regime
 from hovercontrol.discrepancy.evidence.remainder import missing_forces, remainders
 from hovercontrol.discrepancy.evidence.sensors import slow_errors
 from hovercontrol.discrepancy.experiment.propose import next_experiment
+from hovercontrol.discrepancy.fmu import FmuDiagnosis, diagnose_fmu
 from hovercontrol.discrepancy.laws.search import with_laws
 from hovercontrol.discrepancy.laws.yardstick import yardsticks
 from hovercontrol.discrepancy.search.base import base_fit
@@ -28,11 +30,12 @@ from hovercontrol.errors import InputError
 from hovercontrol.estimation.data import Data, gather
 from hovercontrol.estimation.fit import Fit
 from hovercontrol.estimation.subject import Subject
+from hovercontrol.fmi.replay.plant import FmuPlant
 from hovercontrol.logs import Log
 from hovercontrol.models.interface import AnyModel, as_model
 
 
-@checked
+@overload
 def diagnose(
     model: AnyModel,
     logs: Sequence[Log],
@@ -42,7 +45,33 @@ def diagnose(
     max_effects: int = 3,
     seed: int = 0,
     progress: Callable[[float, str], None] | None = None,
-) -> Diagnosis:
+) -> Diagnosis: ...
+
+
+@overload
+def diagnose(
+    model: FmuPlant,
+    logs: Sequence[Log],
+    holdout: Log | Sequence[Log] | None = None,
+    *,
+    names: Sequence[str] | None = None,
+    max_effects: int = 3,
+    seed: int = 0,
+    progress: Callable[[float, str], None] | None = None,
+) -> FmuDiagnosis: ...
+
+
+@checked
+def diagnose(
+    model: AnyModel | FmuPlant,
+    logs: Sequence[Log],
+    holdout: Log | Sequence[Log] | None = None,
+    *,
+    names: Sequence[str] | None = None,
+    max_effects: int = 3,
+    seed: int = 0,
+    progress: Callable[[float, str], None] | None = None,
+) -> Diagnosis | FmuDiagnosis:
     """Find which effects a model lacks, how much of the error they explain, and what remains.
 
     An effect is named if it raises the likelihood under process noise and no held-out log is predicted worse
@@ -52,9 +81,10 @@ def diagnose(
 
     Parameters
     ----------
-    model : Model, BlockModel or Block
+    model : Model, BlockModel, Block or FmuPlant
         Its coefficients may be wrong: all are fitted. For a Block, the effects that any machine may have are
-        considered, as for a BlockModel without a catalogue.
+        considered, as for a BlockModel without a catalogue. For an FMU (:func:`hovercontrol.fmu_plant`), all
+        before its inputs and after its outputs (:mod:`hovercontrol.discrepancy.fmu`).
     logs : sequence of Log
         Measured logs. They need the model's inputs and, for a craft, pose, body velocities or both; for any
         other machine, some of its outputs or states.
@@ -73,7 +103,7 @@ def diagnose(
 
     Returns
     -------
-    Diagnosis
+    Diagnosis, or of an FMU :class:`~hovercontrol.discrepancy.fmu.FmuDiagnosis`
 
     Raises
     ------
@@ -99,6 +129,8 @@ def diagnose(
         raise InputError("diagnosis needs at least one log")
     held = as_logs(holdout)
     report = progress or (lambda part, what: None)
+    if isinstance(model, FmuPlant):
+        return diagnose_fmu(model, logs, held, names, max_effects, report)
     with threadpool_limits(1, "blas"):  # with many small matrices its threads would wait for each other
         return _diagnosed(as_model(model), logs, held, names, max_effects, seed, report)
 

@@ -221,3 +221,23 @@ def saturation(signal: str, unit: str) -> type[Effect]:
         limit=Shape(unit, lower=TINY, search=(0.5, 0.65, 0.8, 0.9), of="input"),
         commands=commands,
     )
+
+
+@remembered
+def gain(signal: str, unit: str) -> type[Effect]:
+    """Return the class of a wrong gain of an input; only FMUs are searched for it, as Blocks have gains."""
+
+    def commands(self: Effect, c: Any, s: Any) -> dict[Signal, sp.Expr]:
+        s.thrusts[signal] = (1 + c.value) * s.thrusts[signal]
+        return {}
+
+    return make_class(
+        f"{word(signal)}_gain",
+        (),
+        f"A wrong gain of {signal}: (1 + c) {signal}.",
+        "calibration",
+        signal=signal,
+        order=8,
+        value=Coefficient("1", lower=-1.0),
+        commands=commands,
+    )

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable, Sequence
+from typing import overload
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -33,6 +34,8 @@ from hovercontrol.estimation.excitation import (
 from hovercontrol.estimation.fit import Fit
 from hovercontrol.estimation.measure import MOST_ROWS, Array, Measured, measure, refuse_still
 from hovercontrol.estimation.noise import averaging_time
+from hovercontrol.fmi.replay.plant import FmuPlant
+from hovercontrol.identify.fmu import FmuIdentified, identify_fmu
 from hovercontrol.identify.predict import prediction
 from hovercontrol.identify.remaining import remaining
 from hovercontrol.identify.result import Fitted, Identified, Reading
@@ -46,7 +49,7 @@ from hovercontrol.logs.scales import scale_faults
 from hovercontrol.models.interface import AnyModel, as_model
 
 
-@checked
+@overload
 def identify(
     model: AnyModel,
     logs: Sequence[Log | Measured],
@@ -54,29 +57,53 @@ def identify(
     *,
     most_rows: int = MOST_ROWS,
     progress: Callable[[float, str], None] | None = None,
-) -> Identified:
+) -> Identified: ...
+
+
+@overload
+def identify(
+    model: FmuPlant,
+    logs: Sequence[Log],
+    coefficients: Sequence[str] | None = None,
+    *,
+    most_rows: int = MOST_ROWS,
+    progress: Callable[[float, str], None] | None = None,
+) -> FmuIdentified: ...
+
+
+@checked
+def identify(
+    model: AnyModel | FmuPlant,
+    logs: Sequence[Log | Measured] | Sequence[Log],
+    coefficients: Sequence[str] | None = None,
+    *,
+    most_rows: int = MOST_ROWS,
+    progress: Callable[[float, str], None] | None = None,
+) -> Identified | FmuIdentified:
     """Estimate coefficients of a model from logs.
 
     Parameters
     ----------
-    model : Model, BlockModel or Block
+    model : Model, BlockModel, Block or FmuPlant
         Its current values are the initial values of the fit. A Block is fitted as a BlockModel without
-        effects.
+        effects. An FMU (:func:`hovercontrol.fmu_plant`) is fitted by output error, through its events
+        (:mod:`hovercontrol.fmi.replay.output_error`).
     logs : sequence of Log
         One or several, each with the model's inputs and pose (``x, y, psi``), body velocities
         (``u, v, r``), both, or any other states or outputs of the Block. Logs that were already prepared by
         :func:`~hovercontrol.estimation.measure.measure` are used unchanged.
     coefficients : sequence of str, optional
         Names of parameters, including shape parameters (``yaw_coulomb_width``); by default all linear
-        coefficients.
+        coefficients. Of an FMU: its parameters, by default those of its ``fit``.
     most_rows : int, optional
-        Maximum number of rows of all logs together. Longer logs are reduced to evenly spaced stretches.
+        Maximum number of rows of all logs together. Longer logs are reduced to evenly spaced stretches. All
+        rows are used for an FMU.
     progress : callable, optional
         Called with the finished fraction (0 to 1) and a text on the current step.
 
     Returns
     -------
-    Identified
+    Identified, or of an FMU :class:`~hovercontrol.identify.fmu.FmuIdentified`
 
     Raises
     ------
@@ -95,6 +122,11 @@ def identify(
     0.7
     """
     report = progress or (lambda part, what: None)
+    if isinstance(model, FmuPlant):
+        own = [log for log in logs if isinstance(log, Log)]
+        if len(own) < len(logs):
+            raise InputError(f"{model.name}: an FMU is fitted to logs, found prepared measurements")
+        return identify_fmu(model, own, coefficients, progress=progress)
     names = chosen(model, coefficients)
     if not logs:
         raise InputError("identification needs at least one log")

@@ -14,7 +14,7 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import IO, Any
@@ -37,6 +37,9 @@ class Remote:
         The instance's name, for its messages.
     timeout : float
         Longest wait for one call [s].
+    serving : {"instance", "replayer"}, optional
+        What the process makes of the FMU: an Instance, or a
+        :class:`hovercontrol.fmi.replay.replayer.Replayer`, whose methods are called by :meth:`call`.
 
     Raises
     ------
@@ -44,8 +47,12 @@ class Remote:
         If the FMU cannot be loaded in that process.
     """
 
-    def __init__(self, folder: Path, interface: Interface, name: str, timeout: float) -> None:
-        self._opening: dict[str, Any] = {"folder": str(folder), "interface": asdict(interface), "name": name}
+    def __init__(
+        self, folder: Path, interface: Interface, name: str, timeout: float, serving: str = "instance"
+    ) -> None:
+        self._opening: dict[str, Any] = {
+            "folder": str(folder), "interface": asdict(interface), "name": name, "serving": serving,
+        }  # fmt: skip
         self._timeout = timeout
         self._child: subprocess.Popen[bytes] | None = None
         self._answers: queue.SimpleQueue[bytes] = queue.SimpleQueue()
@@ -76,6 +83,17 @@ class Remote:
     def drop(self, handle: int) -> None:
         """Discard a saved state."""
         self._call("drop", handle)
+
+    @property
+    def alive(self) -> bool:
+        """Whether the process runs."""
+        return self._child is not None
+
+    def call(self, name: str, *arguments: Any) -> Any:
+        """Return what a method of the served object returns, in a new process if the last one has ended."""
+        if self._child is None:
+            self._open()
+        return self._call(name, *arguments)
 
     def close(self) -> None:
         """End the process; may be called twice."""
@@ -169,14 +187,15 @@ def main() -> None:
     os.dup2(2, 1)
     requests: queue.SimpleQueue[bytes] = queue.SimpleQueue()
     threading.Thread(target=_listen, args=(requests,), daemon=True).start()
-    engine: Instance | None = None
+    engine: Any = None
     while True:
         name, *arguments = json.loads(requests.get())
         reply: dict[str, Any]
         try:
             if name == "open":
                 opening = arguments[0]
-                engine = Instance(Path(opening["folder"]), _interface(opening["interface"]), opening["name"])
+                folder, interface = Path(opening["folder"]), _interface(opening["interface"])
+                engine = _serving(opening["serving"])(folder, interface, opening["name"])
                 reply = {"result": None}
             elif engine is None:
                 reply = {"fault": "no FMU is open"}
@@ -191,6 +210,14 @@ def main() -> None:
         answers.write(json.dumps(reply).encode() + b"\n")
         answers.flush()
     os._exit(0)  # the FMU is freed; what it left behind may not hold up the end
+
+
+def _serving(what: str) -> Callable[[Path, Interface, str], Any]:
+    if what == "instance":
+        return Instance
+    from hovercontrol.fmi.replay.replayer import Replayer
+
+    return Replayer
 
 
 def _listen(requests: queue.SimpleQueue[bytes]) -> None:

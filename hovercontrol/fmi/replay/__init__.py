@@ -1,0 +1,1 @@
+"""Logs replayed through an FMU: parameters estimated, effects around it found."""

@@ -1,0 +1,273 @@
+"""The fit of an FMU to logs: output error, through events, with residuals whitened.
+
+An FMU is run from the start of a log to its end; measured minus computed outputs are the residuals r. The fit
+minimises the sum of squares of the whitened residuals w (:mod:`.whitening`) by the method of Levenberg and
+Marquardt. With J = dw/dtheta the covariance of the estimate is (J'J)^-1; where residuals depend on their past
+it is widened by the scatter of the scores J'w over blocks of the logs (sandwich), if that is larger than
+chance allows (Ljung, System Identification, 2nd ed., 9.4 and 9.6; White, Econometrica 48 (1980)).
+
+This is not the Kalman filter of :mod:`hovercontrol.estimation`: a filter linearises from row to row, and an
+FMU's events are no smooth map. Process noise is in the autoregression of the residuals.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from hovercontrol.errors import InputError
+from hovercontrol.fmi.replay.plant import FmuPlant
+from hovercontrol.fmi.replay.rows import Rows
+from hovercontrol.fmi.replay.runs import RunFailed
+from hovercontrol.fmi.replay.unknowns import Unknowns
+from hovercontrol.fmi.replay.whitening import Whitening, whitening_of
+
+Array = NDArray[np.float64]
+
+#: First parts of the logs that are fitted before all rows: a long run from poor values is far from the log
+#: everywhere, and has local minima.
+HEADS = (0.05, 0.15, 0.4)
+#: Fewest rows of the longest log for which that is done.
+LONG = 100
+#: Iterations of a part, and of all rows.
+PART_ITERATIONS, ITERATIONS = 8, 40
+#: Passes with whitened residuals.
+PASSES = 3
+#: The fit ends where a step lowers the cost by less than this fraction.
+CONVERGED = 1e-7
+#: Halving of steps until they must reach this difference of outputs, over their spread.
+ACCURACY, MOST_PIECES = 1e-5, 256
+#: Blocks over which scores scatter.
+BLOCKS = 20
+#: Level at which a larger scatter of the scores is chance.
+CHANCE = 0.999
+
+
+@dataclass(frozen=True, eq=False)
+class FmuFit:
+    """A fitted FMU.
+
+    Attributes
+    ----------
+    unknowns : Unknowns
+    values : ndarray, shape (P,)
+    information : ndarray, shape (P, P)
+        J'J.
+    widen : ndarray, shape (P,)
+        Factors on the standard errors from the scatter of scores.
+    whitening : Whitening
+    residuals : tuple of ndarray, shape (K, C)
+        Measured minus computed; NaN where nothing was measured.
+    converged : bool
+    """
+
+    unknowns: Unknowns
+    values: Array
+    information: Array
+    widen: Array
+    whitening: Whitening
+    residuals: tuple[Array, ...]
+    converged: bool
+
+    @property
+    def model(self) -> FmuPlant:
+        """The model with the estimates."""
+        return self.unknowns.model(self.values)
+
+    @property
+    def bic(self) -> float:
+        """Schwarz' criterion: ``-2 log L + k log n``."""
+        n = sum(int(np.isfinite(r).sum()) for r in self.residuals)
+        k = len(self.values) + sum(self.whitening.orders)
+        return -2.0 * self.whitening.log_likelihood + k * math.log(n)
+
+    @property
+    def rms(self) -> Array:
+        """Root mean square of the residual of each channel, shape (C,)."""
+        every = np.concatenate(self.residuals)
+        return np.asarray(np.sqrt(np.nanmean(every**2, axis=0)))
+
+
+def fit_fmu(plant: FmuPlant, logs: Sequence[Rows], progress: Callable[[str], None] | None = None) -> FmuFit:
+    """Fit an FMU to logs from its present values.
+
+    Raises
+    ------
+    InputError
+        If the FMU cannot be run over a log with its present values.
+    """
+    report = progress or (lambda what: None)
+    plant = accurate(plant, logs)
+    unknowns = Unknowns(plant, logs)
+    try:
+        values = unknowns.start()
+        unknowns.predict(values)
+    except RunFailed as fault:
+        raise InputError(f"FMU {plant.name!r} failed on {logs[0].name}: {fault}") from None
+    if max(len(rows.time) for rows in logs) >= LONG and len(values):
+        for share in HEADS:
+            report(f"fitting the first {share:.0%}")
+            try:
+                part = unknowns.head(share)
+                found = minimise(part, values, _white(part, values, most=0), PART_ITERATIONS)[0]
+                unknowns.predict(found)
+            except RunFailed:  # a short part may lead to values with which a longer run diverges
+                continue
+            values = found
+    report("fitting all rows")
+    return refine(unknowns, values, ITERATIONS)
+
+
+def refine(unknowns: Unknowns, values: Array, iterations: int) -> FmuFit:
+    """Return the fit from values that are near: first white, then with whitened residuals."""
+    values, converged = minimise(unknowns, values, _white(unknowns, values, most=0), iterations)
+    for _ in range(PASSES):
+        white = _white(unknowns, values)
+        before = values
+        values, converged = minimise(unknowns, values, white, iterations)
+        if not any(white.orders) and np.allclose(values, before, rtol=1e-6, atol=1e-12):
+            break
+    white = _white(unknowns, values)
+    base = unknowns.predict(values)
+    residuals = _residuals(unknowns, base)
+    J = [
+        white.apply(s, np.isfinite(r)) for s, r in zip(unknowns.slopes(values, base), residuals, strict=True)
+    ]
+    w = [white.apply(r, np.isfinite(r)) for r in residuals]
+    S = np.sum([np.einsum("kci,kcj->ij", a, a) for a in J], axis=0)
+    return FmuFit(unknowns, values, S, _widening(J, w, S, white), white, tuple(residuals), converged)
+
+
+def minimise(unknowns: Unknowns, values: Array, white: Whitening, most: int) -> tuple[Array, bool]:
+    """Return the values of least whitened squares, within bounds, and whether it converged."""
+    if not len(values):
+        return values, True
+    damping = 1e-3
+    base = unknowns.predict(values)
+    cost = _cost(unknowns, base, white)
+    for _ in range(most):
+        g, S = _normal(unknowns, values, base, white)
+        free = ~(((values <= unknowns.lower) & (g < 0)) | ((values >= unknowns.upper) & (g > 0)))
+        scale = np.sqrt(np.maximum(np.diag(S), 1e-300))
+        scale = np.maximum(scale, 1e-8 / unknowns.size)
+        R = (S / np.outer(scale, scale))[np.ix_(free, free)]
+        accepted = False
+        for _ in range(12):
+            step = np.zeros_like(values)
+            step[free] = (
+                np.linalg.lstsq(R + damping * np.eye(len(R)), (g / scale)[free], rcond=1e-12)[0] / scale[free]
+            )
+            new = np.clip(values + step, unknowns.lower, unknowns.upper)
+            try:
+                there = unknowns.predict(new)
+                found = _cost(unknowns, there, white)
+            except RunFailed:
+                found = math.inf
+            if found < cost:
+                accepted = True
+                break
+            if float(g @ step) <= CONVERGED * cost:
+                return values, True
+            damping = min(damping * 8.0, 1e12)
+        if not accepted:
+            return values, True
+        gain, cost = cost - found, found
+        values, base = new, there
+        damping = max(damping / 10.0, 1e-9)
+        if gain <= CONVERGED * cost:
+            return values, True
+    return values, False
+
+
+def accurate(plant: FmuPlant, logs: Sequence[Rows]) -> FmuPlant:
+    """Return the model with steps short enough: half as long, they change outputs by ``ACCURACY`` at most.
+
+    Of Co-Simulation the steps are the FMU's own.
+
+    Raises
+    ------
+    InputError
+        If the FMU cannot be run with its present values.
+    """
+    rows = max(logs, key=lambda r: len(r.time)).head(0.2)
+    pieces = plant.pieces_of(rows.time)
+    if plant.interface.kind != "ModelExchange":
+        return replace(plant, pieces=pieces)
+    last, why = None, ""
+    while pieces <= MOST_PIECES:
+        trial = replace(plant, pieces=pieces)
+        unknowns = Unknowns(trial, [rows])
+        try:
+            found = unknowns.predict(unknowns.start())[0]
+        except RunFailed as fault:  # perhaps unstable with so long a step
+            found, why = None, str(fault)
+            if "process" in why:  # it crashed or hung
+                raise InputError(f"FMU {plant.name!r} failed on {rows.name}: {why}") from None
+        if found is not None and last is not None:
+            spread = np.maximum(np.nanstd(rows.values, axis=0), 1e-12)
+            if float(np.max(np.median(np.abs(found - last), axis=0) / spread)) <= ACCURACY:
+                return replace(plant, pieces=max(pieces // 2, 1))
+        last, pieces = found, pieces * 2
+    if last is None:
+        raise InputError(f"FMU {plant.name!r} failed on {rows.name}: {why}")
+    return replace(plant, pieces=pieces // 2)
+
+
+def _residuals(unknowns: Unknowns, base: Sequence[Array]) -> list[Array]:
+    return [rows.values - y for rows, y in zip(unknowns.logs, base, strict=True)]
+
+
+def _white(unknowns: Unknowns, values: Array, **options: int) -> Whitening:
+    residuals = _residuals(unknowns, unknowns.predict(values))
+    every = np.concatenate([rows.values for rows in unknowns.logs])
+    spread = np.maximum(np.nanstd(every, axis=0), 1e-9 * np.nanmax(np.abs(every), axis=0))
+    return whitening_of(residuals, np.maximum(spread, 1e-12), **options)
+
+
+def _cost(unknowns: Unknowns, base: Sequence[Array], white: Whitening) -> float:
+    return sum(float((white.apply(r, np.isfinite(r)) ** 2).sum()) for r in _residuals(unknowns, base))
+
+
+def _normal(
+    unknowns: Unknowns, values: Array, base: Sequence[Array], white: Whitening
+) -> tuple[Array, Array]:
+    """Return J'w and J'J."""
+    n = len(values)
+    g, S = np.zeros(n), np.zeros((n, n))
+    residuals = _residuals(unknowns, base)
+    for slope, r in zip(unknowns.slopes(values, base), residuals, strict=True):
+        seen = np.isfinite(r)
+        J, w = white.apply(slope, seen).reshape(-1, n), white.apply(r, seen).ravel()
+        g, S = g + J.T @ w, S + J.T @ J
+    return g, S
+
+
+def _widening(J: Sequence[Array], w: Sequence[Array], S: Array, white: Whitening) -> Array:
+    """Return the factors by which scatter of the scores widens the standard errors.
+
+    With g_b the score of one of B blocks: ``V = S^-1 (sum of g_b g_b') S^-1 B/(B - 1)``, the factor is
+    ``sqrt(V_jj / (S^-1)_jj)`` where that exceeds what B blocks show by chance, else 1.
+    """
+    P = len(S)
+    if not P or not any(white.orders):
+        return np.ones(P)
+    total = sum(len(a) for a in J)
+    scores = []
+    for a, r in zip(J, w, strict=True):
+        count = max(round(BLOCKS * len(a) / total), 1)
+        for rows in np.array_split(np.arange(len(a)), count):
+            scores.append(np.einsum("kci,kc->i", a[rows], r[rows]))
+    B = len(scores)
+    if B < 4:
+        return np.ones(P)
+    C = np.linalg.pinv(S, rcond=1e-12, hermitian=True)
+    G = np.array(scores)
+    V = C @ (G.T @ G) @ C * B / (B - 1)
+    ratio = np.diag(V) / np.maximum(np.diag(C), 1e-300)
+    most = float(chi2.ppf(CHANCE, B - 1)) / (B - 1)
+    return np.asarray(np.sqrt(np.where(ratio > most, ratio, 1.0)))

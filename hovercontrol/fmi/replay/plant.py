@@ -1,0 +1,454 @@
+"""An FMU as a model: parameters to fit, effects around it, and runs over logs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import sympy as sp
+from numpy.typing import NDArray
+
+from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
+from hovercontrol.core.signals import Signal
+from hovercontrol.core.units import is_plain_si
+from hovercontrol.effects import Effect
+from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.fmi.around import Around
+from hovercontrol.fmi.importer.interface import REALS, Interface, Kind, Variable
+from hovercontrol.fmi.importer.unpacked import Source, open_source
+from hovercontrol.fmi.importer.values import checked_name
+from hovercontrol.fmi.replay.added import Added
+from hovercontrol.fmi.replay.runs import RunFailed, Runs
+from hovercontrol.fmi.replay.signals import through
+
+Array = NDArray[np.float64]
+
+#: Longest step of Model Exchange, and of Co-Simulation where the FMU names none [s].
+STEP = 0.01
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter of an FMU: from its model description."""
+
+    name: str
+    unit: str
+    start: float
+    lower: float
+    upper: float
+    description: str
+
+
+@checked
+@dataclass(frozen=True, eq=False)
+class FmuPlant:
+    """An FMU as a model that ``check``, ``identify`` and ``diagnose`` take; made by :func:`fmu_plant`.
+
+    Attributes
+    ----------
+    name : str
+    source : Source
+        The checked archive.
+    runs : Runs
+        The running FMU; shared by copies with other values.
+    fit : tuple of str
+        Parameters that a fit estimates, by the FMU's names.
+    values : mapping of str to float
+        Parameters whose value differs from the FMU's start value.
+    around : Around
+        Effects around the FMU.
+    free_start : bool
+        Whether the continuous states at the first row of each log are estimated too (Model Exchange). If
+        not, a log begins at the FMU's start.
+    laws_in : tuple of str
+        Continuous states to whose derivatives ``diagnose`` may add laws.
+    pieces : int
+        Steps from row to row of a log; 0: as many as ``STEP`` or the FMU's own step needs.
+
+    Examples
+    --------
+    >>> plant = fmu_plant("plant.fmu", fit=["mass"])  # doctest: +SKIP
+    >>> plant.value("mass")  # doctest: +SKIP
+    2.0
+    """
+
+    name: str
+    source: Source
+    runs: Runs
+    fit: tuple[str, ...] = ()
+    values: Mapping[str, float] = field(default_factory=dict)
+    around: Around = field(default_factory=lambda: Around((), ()))
+    free_start: bool = True
+    laws_in: tuple[str, ...] = ()
+    pieces: int = 0
+
+    def __repr__(self) -> str:
+        return "\n".join([f"FmuPlant {self.name} ({self.source.path})", *map(repr, self.around.effects)])
+
+    @property
+    def interface(self) -> Interface:
+        """The FMU's interface."""
+        return self.source.interface
+
+    @property
+    def path(self) -> Path:
+        """The FMU's file."""
+        return self.source.path
+
+    @property
+    def inputs(self) -> tuple[Signal, ...]:
+        """The FMU's inputs."""
+        return self.around.inputs
+
+    @property
+    def outputs(self) -> tuple[Signal, ...]:
+        """The FMU's outputs."""
+        return self.around.outputs
+
+    @property
+    def states(self) -> tuple[Signal, ...]:
+        """The FMU's continuous states; empty for Co-Simulation."""
+        return self.around.states
+
+    @cached_property
+    def parameters(self) -> dict[str, Parameter]:
+        """The FMU's parameters that are real numbers, by name."""
+        bounds = _bounds(self.source.unpacked.folder / "modelDescription.xml")
+        found = {}
+        for v in self.interface.parameters:
+            if v.kind in REALS:
+                for label, start in zip(v.labels, v.start, strict=True):
+                    lower, upper = bounds.get(v.reference, (-math.inf, math.inf))
+                    found[label] = Parameter(label, v.unit, start, lower, upper, v.description)
+        return found
+
+    @cached_property
+    def reading(self) -> Block:
+        """A Block with the FMU's signals, to read logs with; it has no equations."""
+        names = {s.name for s in self.inputs}
+        states = dict.fromkeys(s for s in (*self.outputs, *self.states) if s.name not in names)
+        first = {s.name: s for s in states}
+        return Block(
+            self.name,
+            states=tuple(first.values()),
+            inputs=self.inputs,
+            outputs=tuple(s for s in self.outputs if s.name in first),
+            derivatives=dict.fromkeys(first, sp.S.Zero),
+        )
+
+    def value(self, name: str) -> float:
+        """Return a parameter's value.
+
+        Parameters
+        ----------
+        name : str
+            The FMU's name of it.
+
+        Raises
+        ------
+        InputError
+            If the FMU has no such parameter; the message names the nearest.
+        """
+        if name not in self.parameters:
+            hint = did_you_mean(name, self.parameters)
+            raise InputError(f"{self.path}: no parameter {name!r} that is a real number{hint}")
+        return self.values.get(name, self.parameters[name].start)
+
+    def with_values(self, values: Mapping[str, float]) -> FmuPlant:
+        """Return the model with other values of parameters, or of numbers around the FMU.
+
+        Parameters
+        ----------
+        values : mapping of str to float
+            By the FMU's name of a parameter, or by a key of ``around.values``.
+
+        Raises
+        ------
+        InputError
+            If a name is unknown.
+        """
+        around = {key: value for key, value in values.items() if key in self.around.values}
+        own = {key: value for key, value in values.items() if key not in around}
+        for name in own:
+            self.value(name)
+        return replace(
+            self,
+            values={**self.values, **own},
+            around=self.around.with_values(around) if around else self.around,
+        )
+
+    def with_effects(
+        self,
+        before: Sequence[Effect] = (),
+        after: Sequence[Effect] = (),
+        added: Sequence[Effect] = (),
+    ) -> FmuPlant:
+        """Return the model with effects added.
+
+        Parameters
+        ----------
+        before, after, added : sequence of Effect, optional
+            Before the inputs, after the outputs, to the derivatives.
+
+        Raises
+        ------
+        InputError
+            If an effect cannot act there, or is already present.
+        """
+        old = self.around
+        around = replace(
+            old,
+            at_inputs=(*old.at_inputs, *before),
+            at_outputs=(*old.at_outputs, *after),
+            in_equations=(*old.in_equations, *added),
+        )
+        return replace(self, around=around)
+
+    def pieces_of(self, time: Array) -> int:
+        """Return the number of steps from row to row.
+
+        Parameters
+        ----------
+        time : ndarray, shape (K,)
+            [s]
+        """
+        if self.pieces:
+            return self.pieces
+        longest = float(np.diff(time).max(initial=0.0))
+        step = STEP if self.interface.kind == "ModelExchange" else (self.interface.step or STEP)
+        if (fixed := self.interface.fixed_step) is not None:
+            step = fixed
+        return max(1, math.ceil(longest / step - 1e-6))
+
+    def raw(self, time: Array, inputs: Array, states: Sequence[float] | None) -> Array:
+        """Return the FMU's outputs and states at the rows, before the effects after it.
+
+        Parameters
+        ----------
+        time : ndarray, shape (K,)
+            [s]
+        inputs : ndarray, shape (K, n_inputs)
+            As they are given; held from row to row.
+        states : sequence of float, optional
+            Continuous states at the first row; None: the FMU's.
+
+        Raises
+        ------
+        RunFailed
+            If the FMU refuses, crashes, hangs, or answers a value that is not a number.
+        """
+        before, _, added = structure(self.around)
+        u = inputs if before is None else through(before, self._numbers(before), time, inputs, held=True)
+        numbers = [self._numbers(block) for _, block in added.blocks] if added else []
+        found = self.runs.run(time, u, self._in_order(), states, self.pieces_of(time), added, numbers)
+        if not np.isfinite(found).all():
+            row, column = np.argwhere(~np.isfinite(found))[0]
+            name = (*self.outputs, *self.states)[column].name
+            raise RunFailed(f"{name!r} is {found[row, column]} at t = {time[row]:.9g} s")
+        return found
+
+    def seen(self, time: Array, raw: Array) -> Array:
+        """Return the measured outputs, and the states.
+
+        Parameters
+        ----------
+        time : ndarray, shape (K,)
+            [s]
+        raw : ndarray, shape (K, n_outputs + n_states)
+            Of :meth:`raw`.
+        """
+        after = structure(self.around)[1]
+        if after is None:
+            return raw
+        n = len(self.outputs)
+        return np.hstack([through(after, self._numbers(after), time, raw[:, :n], held=False), raw[:, n:]])
+
+    def initial(self, inputs: Sequence[float]) -> list[float]:
+        """Return the continuous states after initialisation with the present values.
+
+        Parameters
+        ----------
+        inputs : sequence of float
+            At the start.
+        """
+        return self.runs.initial(self._in_order(), inputs)
+
+    def close(self) -> None:
+        """Free the FMU; also of all copies."""
+        self.runs.close()
+
+    def _numbers(self, block: Block) -> list[float]:
+        """Return the values of a Block's parameters."""
+        values = self.around.values
+        return [values[s.name] for s in block.parameters]
+
+    def _in_order(self) -> list[float | None]:
+        labels = (label for v in self.interface.parameters for label in v.labels)
+        return [self.values.get(label) for label in labels]
+
+
+_STRUCTURES: dict[tuple[object, ...], tuple[Block | None, Block | None, Added | None]] = {}
+
+
+def structure(around: Around) -> tuple[Block | None, Block | None, Added | None]:
+    """Return the Blocks before and after an FMU and the laws added; cached, whatever the effects' numbers."""
+    key = (
+        around.inputs,
+        around.outputs,
+        around.states,
+        *(tuple(map(type, group)) for group in (around.at_inputs, around.at_outputs, around.in_equations)),
+    )
+    if key not in _STRUCTURES:
+        if len(_STRUCTURES) > 500:
+            _STRUCTURES.clear()
+        places = {d: i for i, (_, d) in enumerate(around.derivatives)}
+        added = Added.of(around.added, places) if around.in_equations else None
+        _STRUCTURES[key] = around.before, around.after, added
+    return _STRUCTURES[key]
+
+
+@checked
+def fmu_plant(
+    path: str | Path,
+    fit: Sequence[str] = (),
+    *,
+    values: Mapping[str, float] | None = None,
+    kind: Kind | None = None,
+    free_start: bool = True,
+    laws_in: Sequence[str] = (),
+    isolated: bool = True,
+    timeout: float = 60.0,
+    strict: bool = True,
+    name: str | None = None,
+) -> FmuPlant:
+    """Return an FMU (FMI 2.0 or 3.0) as a model for :func:`hovercontrol.identify` and ``diagnose``.
+
+    **An FMU is a program** that runs with your rights; see :func:`hovercontrol.fmi.load`.
+
+    Parameters
+    ----------
+    path : path
+    fit : sequence of str, optional
+        Parameters that a fit estimates, by the FMU's names; the others keep their values.
+    values : mapping of str to float, optional
+        Values in place of the FMU's start values.
+    kind : {"CoSimulation", "ModelExchange"}, optional
+        Default: Model Exchange if the FMU has it, for its states can then be set.
+    free_start : bool, optional
+        Whether the states at the start of each log are estimated (Model Exchange only). If not, and for
+        Co-Simulation, each log begins at the FMU's start.
+    laws_in : sequence of str, optional
+        Continuous states to whose derivatives ``diagnose`` may add a law (an offset, drag, dry friction);
+        Model Exchange only.
+    isolated : bool, optional
+        Run the FMU in a process of its own, so that its crash or hang is an error here.
+    timeout : float, optional
+        Longest time for one run over a log [s].
+    strict : bool, optional
+        Whether an FMU whose description breaks the standard is refused.
+    name : str, optional
+        Default: the FMU's model identifier.
+
+    Returns
+    -------
+    FmuPlant
+
+    Raises
+    ------
+    InputError
+        If the FMU cannot be used, or has no such parameter.
+
+    Examples
+    --------
+    >>> plant = fmu_plant("plant.fmu", fit=["mass"])  # doctest: +SKIP
+    >>> found = hc.identify(plant, [hc.read_log("run.csv")])  # doctest: +SKIP
+    """
+    path = Path(path)
+    if not isinstance(timeout, (int, float)) or not 0 < timeout < math.inf:
+        raise InputError(f"{path}: timeout [s] must be a positive number, found {timeout!r}")
+    source = _open(path, kind, strict)
+    try:
+        interface = source.interface
+        called = checked_name(interface, name)
+        exchange = interface.kind == "ModelExchange"
+        states = _signals(interface.states)
+        derivatives = [label for v in interface.derivatives for label in v.labels]
+        around = Around(
+            _signals(interface.inputs),
+            _signals(interface.outputs),
+            states,
+            tuple(zip((s.name for s in states), derivatives, strict=True)),
+        )
+        runs = Runs(source, called, isolated, float(timeout))
+        free = free_start and exchange and bool(states)
+        plant = FmuPlant(called, source, runs, tuple(fit), {}, around, free, tuple(laws_in))
+        known = [s.name for s in states]
+        for one in laws_in:
+            if one not in known:
+                raise InputError(f"{path}: no continuous state {one!r}{did_you_mean(one, known)}")
+        for one in fit:
+            plant.value(one)
+            if list(fit).count(one) > 1:
+                raise InputError(f"{path}: the parameter {one!r} is listed twice")
+        return plant.with_values(values or {})
+    except BaseException:
+        source.unpacked.release()
+        raise
+
+
+def _open(path: Path, kind: Kind | None, strict: bool) -> Source:
+    if kind is not None:
+        return open_source(path, kind, strict)
+    source = open_source(path, None, strict)
+    if source.interface.kind == "CoSimulation":
+        try:
+            other = open_source(path, "ModelExchange", strict)
+        except InputError:
+            return source
+        source.unpacked.release()
+        return other
+    return source
+
+
+def _signals(variables: Sequence[Variable]) -> tuple[Signal, ...]:
+    """Return the elements of variables as signals; a unit that is not SI counts as no unit."""
+    found = []
+    for v in variables:
+        starts = v.start or (0.0,) * len(v.labels)
+        for label, start in zip(v.labels, starts, strict=True):
+            unit = v.unit or "1"
+            try:
+                unit = unit if is_plain_si(unit) else "1"
+            except InputError:
+                unit = "1"
+            found.append(Signal(_word(label), unit, v.description, start=start))
+    return tuple(found)
+
+
+def _word(label: str) -> str:
+    """Return a label as the name of a signal: ``der(x)`` becomes ``der_x``."""
+    try:
+        Signal(label)
+    except InputError:
+        stem = "".join(c if c.isalnum() or c == "_" else "_" for c in label).strip("_")
+        return stem if stem[:1].isalpha() else f"v_{stem}"
+    return label
+
+
+def _bounds(path: Path) -> dict[int, tuple[float, float]]:
+    """Return the bounds of real variables by value reference, from the model description."""
+    found = {}
+    for element in ElementTree.parse(path).getroot().iterfind("ModelVariables/*"):
+        reference = element.get("valueReference", "")
+        real = element.find("Real")
+        place = element if real is None else real
+        if reference.isdigit():
+            lower, upper = float(place.get("min", "-inf")), float(place.get("max", "inf"))
+            found[int(reference)] = (lower, upper)
+    return found

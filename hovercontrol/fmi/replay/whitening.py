@@ -1,0 +1,137 @@
+"""Whitening of residuals: what remains of an output error depends on its past where a model is disturbed.
+
+Each channel's residual e is an autoregression (Ljung, System Identification, 2nd ed., 4.2 and 7.3)::
+
+    e(k) = a_1 e(k-1) + ... + a_p e(k-p) + w(k),    cov w = Sigma over the channels
+
+p is zero where the residual is white: the measurement noise alone. Process noise gives p > 0. The
+order minimises Schwarz' criterion ``n log var(w) + p log n``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+#: Largest order of the autoregression, and fewest samples for each of its coefficients.
+MOST_ORDER, SAMPLES = 12, 20
+#: A residual below this fraction of the spread of its channel is rounding, not noise.
+ROUNDING = 1e-7
+
+
+@dataclass(frozen=True, eq=False)
+class Whitening:
+    """A model of the residuals of all logs.
+
+    Attributes
+    ----------
+    coefficients : tuple of ndarray
+        a_1 ... a_p of each channel.
+    root : ndarray, shape (C, C)
+        Whitens over the channels: ``root.T @ root`` is the inverse of Sigma.
+    log_det : float
+        Logarithm of the determinant of Sigma.
+    count : float
+        Residuals of a channel, on average over the channels.
+    """
+
+    coefficients: tuple[Array, ...]
+    root: Array
+    log_det: float
+    count: float
+
+    @property
+    def orders(self) -> tuple[int, ...]:
+        """The order of each channel."""
+        return tuple(len(a) for a in self.coefficients)
+
+    @property
+    def log_likelihood(self) -> float:
+        """Of the residuals from which it was estimated, without constants: ``-n/2 log det Sigma``."""
+        return -0.5 * self.count * self.log_det
+
+    def apply(self, residual: Array, seen: NDArray[np.bool_]) -> Array:
+        """Return whitened residuals or sensitivities, shape (K, C, ...); zero where nothing was measured."""
+        extra = (1,) * (residual.ndim - 2)
+        own = seen.reshape(*seen.shape, *extra)
+        e = np.where(own, residual, 0.0)
+        w = e.copy()
+        for c, a in enumerate(self.coefficients):
+            for i, value in enumerate(a, start=1):
+                w[i:, c] -= value * e[:-i, c]
+        w = np.einsum("ij,kj...->ki...", self.root, np.where(own, w, 0.0))
+        return np.asarray(np.where(own, w, 0.0))
+
+
+def whitening_of(residuals: Sequence[Array], spread: Array, *, most: int = MOST_ORDER) -> Whitening:
+    """Estimate the model of residuals.
+
+    Parameters
+    ----------
+    residuals : sequence of ndarray, shape (K, C)
+        Of each log; NaN where nothing was measured.
+    spread : ndarray, shape (C,)
+        Spread of the measured values.
+    most : int, optional
+        Largest order; 0 takes the residuals as white.
+    """
+    C = residuals[0].shape[1]
+    floor = np.maximum(ROUNDING * spread, 1e-300)
+    coefficients, innovations = [], []
+    for c in range(C):
+        parts = [r[:, c] for r in residuals]
+        a = _autoregression(parts, float(floor[c]), most)
+        coefficients.append(a)
+        innovations.append(np.concatenate([_filtered(part, a) for part in parts]))
+    W = np.stack(innovations, axis=1)
+    sigma = np.sqrt(np.nanmean(W**2, axis=0))
+    sigma = np.maximum(np.nan_to_num(sigma), floor)
+    Sigma = np.diag(sigma**2)
+    both = np.isfinite(W).all(axis=1)
+    if C > 1 and both.sum() > 20 * C and (sigma > floor).all():
+        scaled = W[both] / sigma
+        R = scaled.T @ scaled / both.sum()
+        shrunk = 0.999 * R / np.sqrt(np.outer(np.diag(R), np.diag(R))) + 0.001 * np.eye(C)
+        Sigma = shrunk * np.outer(sigma, sigma)
+    root = np.linalg.inv(np.linalg.cholesky(Sigma))
+    log_det = float(np.linalg.slogdet(Sigma)[1])
+    count = float(np.isfinite(W).sum()) / C
+    return Whitening(tuple(coefficients), np.asarray(root, dtype=float), log_det, count)
+
+
+def _filtered(e: Array, a: Array) -> Array:
+    """Return the innovations; those after a missing sample take it as zero."""
+    filled = np.nan_to_num(e)
+    w = filled.copy()
+    for i, value in enumerate(a, start=1):
+        w[i:] -= value * filled[:-i]
+    return np.asarray(np.where(np.isfinite(e), w, np.nan))
+
+
+def _autoregression(parts: Sequence[Array], floor: float, most: int) -> Array:
+    """Return the coefficients of the best order."""
+    total = sum(int(np.isfinite(p).sum()) for p in parts)
+    most = min(most, total // SAMPLES, *(len(p) // 4 for p in parts))
+    every = np.concatenate(parts)
+    if most < 1 or np.sqrt(np.nanmean(every**2)) <= floor:
+        return np.zeros(0)
+    gram, n = np.zeros((most + 1, most + 1)), 0
+    for p in parts:
+        lagged = np.column_stack([np.nan_to_num(p)[most - i : len(p) - i] for i in range(most + 1)])
+        lagged = lagged[np.isfinite(p[most:])]
+        gram, n = gram + lagged.T @ lagged, n + len(lagged)
+    best, chosen = n * math.log(max(gram[0, 0] / n, floor**2)), np.zeros(0)
+    for order in range(1, most + 1):
+        own = slice(1, order + 1)
+        a = np.linalg.lstsq(gram[own, own], gram[own, 0], rcond=1e-13)[0]
+        left = gram[0, 0] - a @ gram[own, 0]  # y'y - a'X'y, the sum of squares that is left
+        score = n * math.log(max(left / n, floor**2)) + order * math.log(n)
+        if score < best:
+            best, chosen = score, np.asarray(a, dtype=float)
+    return chosen
