@@ -23,6 +23,7 @@ from hovercontrol.discrepancy.laws.search import with_laws
 from hovercontrol.discrepancy.laws.yardstick import yardsticks
 from hovercontrol.discrepancy.search.base import base_fit
 from hovercontrol.discrepancy.search.candidates import left_out
+from hovercontrol.discrepancy.search.fit import Made
 from hovercontrol.discrepancy.search.searched import searched
 from hovercontrol.discrepancy.search.trace import Decision
 from hovercontrol.discrepancy.verdict import verdict_of
@@ -158,9 +159,12 @@ def _diagnosed(
 
     kept = gather(model, holdout) if holdout else None
     trace: list[Decision] = []
-    held = searched(base, model, kept, names=names, max_effects=max_effects, report=said, trace=trace)
+    made: Made = []
+    held = searched(
+        base, model, kept, names=names, max_effects=max_effects, report=said, trace=trace, made=made
+    )
     if names is None:
-        held = with_laws(held, model, kept, max_effects=max_effects, report=said, trace=trace)
+        held = with_laws(held, model, kept, max_effects=max_effects, report=said, trace=trace, made=made)
     selection = held.selection
     report(0.92, "measuring the remainder")
     base, final = selection.base, selection.final  # a search may find a likelier fit of the given model

@@ -95,6 +95,22 @@ def whiteness(z: Array) -> float:
     return float(chi2.sf(total, used)) if used else 1.0
 
 
+def random_remainder(fit: Fit, level: float) -> bool:
+    """Return whether what a fit leaves is noise to it: the innovations of every channel are white.
+
+    Then process noise of the fitted size and correlation time holds all that is left (gusts), and likelihood
+    ratios mean what they say. A load that swings, bumps or an oscillating torque leave correlations.
+
+    Parameters
+    ----------
+    fit : Fit
+    level : float
+        Probability of calling noise something else, shared among the channels (Bonferroni).
+    """
+    z = innovations(fit)
+    return all(whiteness(z[..., c]) >= level / z.shape[2] for c in range(z.shape[2]))
+
+
 def independence(z: Array, past: Sequence[Array]) -> float:
     """Return the p-value of the correlations of innovations with past commands.
 

@@ -5,13 +5,17 @@ table (:mod:`.screen`), and the few best are searched beside the catalogue by th
 challenge, hold out.
 
 A law stands in place of what the catalogue named, where it is surely likelier, and not beside it: beside a
-true name a form may stand for what has none. A law that promises less than half of what the names took is not
-fitted.
+true name a form may stand for what has none. A name that a law of as few numbers surely beats is no name,
+whether the law is named or not; one that a law only beats by less has the law for a rival. A law that
+promises less than half of what the names took is not fitted.
 
 Among hundreds of forms one may stand for what has no form there: a load that swings makes thrust seem weaker
-in surge than in sway. So where a law leaves more than noise, the held-out logs, on which the choice did not
-depend, must show it by themselves (:func:`.searched.shown`), and it must take at least half
-(`criteria.most`) of the mean square of what is missing in its equation; else it is a lead.
+in surge than in sway. Such a remainder is told from noise by its innovations
+(:func:`.whiteness.random_remainder`). Where they are white, process noise holds all that the law leaves, as
+gusts do, and likelihood decides as where only measurement noise is left. Where they are not, the held-out
+logs, on which the choice did not depend, must show the law by themselves (:func:`.searched.shown`), and it
+must take at least half (`criteria.most`) of the mean square of what is missing in its equation; else it is a
+lead.
 """
 
 from __future__ import annotations
@@ -23,19 +27,21 @@ from hovercontrol.discrepancy.criteria import CRITERIA, Criteria
 from hovercontrol.discrepancy.evidence.of_effects import Evidence
 from hovercontrol.discrepancy.evidence.remainder import remainders
 from hovercontrol.discrepancy.evidence.sensors import only_noise
+from hovercontrol.discrepancy.evidence.whiteness import random_remainder
 from hovercontrol.discrepancy.laws.grammar import law_names
 from hovercontrol.discrepancy.laws.screen import LikelyLaw, screened
 from hovercontrol.discrepancy.search.candidates import catalogue
 from hovercontrol.discrepancy.search.challenge import surely
 from hovercontrol.discrepancy.search.confirm import Rival, Selection
-from hovercontrol.discrepancy.search.fit import TRIALS, Search, try_effect
-from hovercontrol.discrepancy.search.hold_out import HeldOut, held_out
+from hovercontrol.discrepancy.search.fit import TRIALS, Made, Search, try_effect
+from hovercontrol.discrepancy.search.hold_out import HeldOut, held_out, without
 from hovercontrol.discrepancy.search.leads import Lead
 from hovercontrol.discrepancy.search.searched import shown
 from hovercontrol.discrepancy.search.select import select
 from hovercontrol.discrepancy.search.trace import Decision
-from hovercontrol.effects.law import is_law
+from hovercontrol.effects.law import is_law, law_text
 from hovercontrol.estimation.data import Data
+from hovercontrol.estimation.fit import Fit
 from hovercontrol.estimation.subject import Subject
 
 
@@ -48,6 +54,7 @@ def with_laws(
     criteria: Criteria = CRITERIA,
     report: Callable[[str], None] = lambda what: None,
     trace: list[Decision] | None = None,
+    made: Made | None = None,
 ) -> HeldOut:
     """Return a search that went on with laws; the given one if no law is named.
 
@@ -59,7 +66,7 @@ def with_laws(
         The given model.
     data : Data, optional
         The held-out logs; None if there are none.
-    max_effects, criteria, report, trace
+    max_effects, criteria, report, trace, made
         As for :func:`.select`.
     """
     selection, base = found.selection, found.selection.base
@@ -79,23 +86,75 @@ def with_laws(
     asked = [*known, *(s.name for s in few)]
     strict = _among(criteria, len(asked), len(known) + screening.tests)
     more = select(
-        base, model, names=asked, max_effects=max_effects, criteria=strict, report=report, trace=trace
-    )
-    if not any(is_law(n) for n in more.effects) or not _replaces(selection, more, criteria, rows):
+        base, model, names=asked, max_effects=max_effects, criteria=strict, report=report, trace=trace,
+        made=made,
+    )  # fmt: skip
+    if not any(is_law(n) for n in more.effects):
         return found
+    if not _replaces(selection, more, criteria, rows):
+        return replace(found, selection=_with_rivals(selection, more, criteria))
     report("predicting the held-out logs with the laws")
     search = Search(model, None, strict, report, rows)
-    again = held_out(_with_same(search, more, few), data, strict, trace)
+    noise = only_noise(more.final, criteria) or _random(more, criteria, rows)
+    more = _with_same(search, more, few)
+    more = _decided(more, criteria) if noise else more
+    again = held_out(more, data, strict, trace)
     named = [n for n in again.selection.effects if is_law(n)]
-    if only_noise(again.selection.final, criteria):
+    if noise or not named:
         return again if named else found
-    share = {r.equation: r.share_explained for r in remainders(base, again.selection.final)}
-    half = {n: share.get(f"{again.selection.final.model.effect(n).equation}'", 0.0) for n in named}
-    doubtful = [n for n in named if half[n] < criteria.most or not shown(again.evidence[n], criteria)]
-    if named and not doubtful:
+    doubtful = [n for n in named if not _sound(again, n, base, criteria)]
+    if not doubtful:
         return again
     leads = tuple(_unshown(again.evidence[n], n) for n in doubtful)
-    return replace(found, selection=replace(selection, leads=(*leads, *selection.leads)))
+    found = _without_beaten(found, more)
+    return replace(found, selection=replace(found.selection, leads=(*leads, *found.selection.leads)))
+
+
+def _random(more: Selection, criteria: Criteria, rows: list[Decision]) -> bool:
+    """Return whether what a selection leaves is noise to it."""
+    passed = random_remainder(more.final, criteria.level)
+    rule = "innovations are white beside it"
+    rows += [Decision("hold out", n, rule, passed=passed) for n in more.effects if is_law(n)]
+    return passed
+
+
+def _sound(again: HeldOut, name: str, base: Fit, criteria: Criteria) -> bool:
+    """Return whether a law beside something else is shown by held-out logs and takes most of its equation."""
+    final = again.selection.final
+    equation = f"{final.model.effect(name).equation}'"
+    share = next((r.share_explained for r in remainders(base, final) if r.equation == equation), 0.0)
+    return share >= criteria.most and shown(again.evidence[name], criteria)
+
+
+def _decided(selection: Selection, criteria: Criteria) -> Selection:
+    """Return a selection without the rivals of its laws that are much less likely.
+
+    What is left is noise to the model, so that likelihood ratios mean what they say; their scatter over
+    blocks is asked for where the model is wrong in other ways too.
+    """
+    rivals = (r for r in selection.rivals if r.same or r.behind < criteria.apart or not is_law(r.instead_of))
+    return replace(selection, rivals=tuple(rivals))
+
+
+def _with_rivals(selection: Selection, more: Selection, criteria: Criteria) -> Selection:
+    """Return a selection of the catalogue with a likelier law as the rival of its one name."""
+    gained = criteria.penalised(selection.final) - criteria.penalised(more.final)
+    if gained <= 0.0 or not len(selection.effects) == len(more.effects) == 1:
+        return selection
+    (name,), (law,) = selection.effects, more.effects
+    rival = Rival(law, name, -gained, -surely(selection.final, more.final), more.final)
+    return replace(selection, rivals=(*selection.rivals, rival))
+
+
+def _without_beaten(found: HeldOut, more: Selection) -> HeldOut:
+    """Return a search without the one name that a law of as few numbers surely beats."""
+    selection = found.selection
+    if not len(selection.effects) == len(more.effects) == 1 or len(more.final.p) > len(selection.final.p):
+        return found
+    gain = selection.final.cost - more.final.cost
+    (law,) = more.effects
+    reason = f"{law_text(law)} in its place gains {gain:.3g} more in twice the log likelihood"
+    return without(found, selection.effects, reason)
 
 
 def _unshown(own: Evidence, name: str) -> Lead:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from typing import TypeAlias
 
 import numpy as np
 
@@ -81,6 +82,10 @@ class Tried:
         return self.fit.problem.model.effect(self.name)
 
 
+#: Fits that were made: from which fit, with which effect, and what came of it.
+Made: TypeAlias = list[tuple[Fit, str, Tried | None]]
+
+
 @dataclass(frozen=True, eq=False)
 class Search:
     """Arguments shared by all steps of a search."""
@@ -90,16 +95,16 @@ class Search:
     criteria: Criteria
     report: Callable[[str], None]
     trace: list[Decision] = field(default_factory=list)
-    made: list[tuple[Fit, Tried | None, str]] = field(default_factory=list)
+    made: Made = field(default_factory=list)
 
-    def once(self, current: Fit, e: Effect, scored: Scored) -> Tried | None:
+    def once(self, current: Fit, e: Effect, scored: Scored | None = None) -> Tried | None:
         """Return the fit with an effect; a fit that was made from here before is not made again."""
-        for before, t, name in self.made:
+        for before, name, t in self.made:
             if before is current and name == e.name:
                 return t
         self.report(f"trying {e.name}")
         t = try_effect(self, current, e, scored)
-        self.made.append((current, t, e.name))
+        self.made.append((current, e.name, t))
         return t
 
     def fit(self, near: Fit, model: Subject, times: bool = False) -> Fit:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -100,6 +101,20 @@ def _held(data: Data) -> str:
 
 def _verb(data: Data, one: str) -> str:
     return one if len(data.logs) == 1 else {"is": "are", "does": "do"}[one]
+
+
+def without(found: HeldOut, names: Sequence[str], reason: str) -> HeldOut:
+    """Return a test of a selection from which effects are taken, each a lead with the reason.
+
+    Parameters
+    ----------
+    found : HeldOut
+    names : sequence of str
+        One of the effects, or all.
+    reason : str
+    """
+    left = _less(found.selection, list(names), reason)
+    return _left(found, left) if found.before else HeldOut(left, {})
 
 
 def _left(found: HeldOut, left: Selection) -> HeldOut:

@@ -9,6 +9,7 @@ from dataclasses import replace
 from hovercontrol.discrepancy.criteria import CRITERIA, Criteria
 from hovercontrol.discrepancy.evidence.of_effects import Evidence
 from hovercontrol.discrepancy.evidence.sensors import only_noise
+from hovercontrol.discrepancy.search.fit import Made
 from hovercontrol.discrepancy.search.hold_out import HeldOut, held_out
 from hovercontrol.discrepancy.search.select import select
 from hovercontrol.discrepancy.search.trace import Decision
@@ -27,6 +28,7 @@ def searched(
     criteria: Criteria = CRITERIA,
     report: Callable[[str], None] = lambda what: None,
     trace: list[Decision] | None = None,
+    made: Made | None = None,
 ) -> HeldOut:
     """Return the effects that a fitted model lacks, as judged by the held-out logs.
 
@@ -52,10 +54,13 @@ def searched(
         Called with a message on each step.
     trace : list of Decision, optional
         Gets a row for each decision.
+    made : list, optional
+        Gets the fits with one effect more than `base`.
     """
     selection = select(
-        base, model, names=names, max_effects=max_effects, criteria=criteria, report=report, trace=trace
-    )
+        base, model, names=names, max_effects=max_effects, criteria=criteria, report=report, trace=trace,
+        made=made,
+    )  # fmt: skip
     report("predicting the held-out logs")
     found = held_out(selection, data, criteria, trace)
     if data is None or found.selection.effects or only_noise(base, criteria):

@@ -18,6 +18,7 @@ from hovercontrol.discrepancy.search.challenge import challenged
 from hovercontrol.discrepancy.search.confirm import Selection
 from hovercontrol.discrepancy.search.fit import (
     TRIALS,
+    Made,
     Search,
     Tried,
     at_likeliest_time,
@@ -55,6 +56,7 @@ def select(
     criteria: Criteria = CRITERIA,
     report: Callable[[str], None] = lambda what: None,
     trace: list[Decision] | None = None,
+    made: Made | None = None,
 ) -> Selection:
     """Return which effects a fitted model lacks.
 
@@ -72,8 +74,12 @@ def select(
         Called with a message on each trial.
     trace : list of Decision, optional
         Gets a row for each decision.
+    made : list, optional
+        Fits from `base` that an earlier search made; gets those that this one makes.
     """
-    search = Search(model, names, criteria, report, [] if trace is None else trace)
+    kept = [] if made is None else made
+    search = Search(model, names, criteria, report, [] if trace is None else trace, [*kept])
+    first = base
     current, steps = base, list[tuple[str, float]]()
     tried: dict[str, Tried] = {}
     counts: dict[str, int] = {}
@@ -109,6 +115,7 @@ def select(
         rows = (Decision("score", s.candidate.name, ASKED_FOR, s.gain, passed=False) for s in others)
         search.trace.extend(rows)
         seen = sorted([*seen, *others], key=lambda s: -s.gain)
+    kept[:] = [one for one in search.made if one[0] is first]
     near = leads(seen, tried, selection.effects, selection.dropped, selection.final, criteria)
     return replace(selection, leads=near)
 
@@ -168,8 +175,7 @@ def _hidden(search: Search, current: Fit, scores: Scores, found: Sequence[Added]
         fading = e.fades() and e.axis in axes
         if e.name in done or not (fading or (s.allowed and top is not None and top.kin(e))):
             continue
-        search.report(f"trying {e.name}")
-        t = try_effect(search, current, _sized(problem.model, s.effect))
+        t = search.once(current, _sized(problem.model, s.effect))
         fits += [Added((), current, t)] if t else []
     return fits
 
