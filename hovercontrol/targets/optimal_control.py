@@ -7,12 +7,13 @@ central differences without a simulation.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 import sympy as sp
 from control import optimal
+from control.flatsys import BasisFamily
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import LinearConstraint, NonlinearConstraint
 
@@ -28,6 +29,7 @@ from hovercontrol.targets.shoot import Columns, shoot_with_slopes
 
 Array = NDArray[np.float64]
 Cost = Callable[..., Any]
+Constraint = LinearConstraint | NonlinearConstraint | tuple[Any, ...]
 
 #: Step of central differences of a cost or constraint, relative to a value of 1 or more: the cube root of the
 #: rounding, 1e-16, where it and the step's square have like parts in the error.
@@ -42,11 +44,11 @@ def solve_ocp(
     timepts: ArrayLike,
     initial_state: ArrayLike,
     integral_cost: Cost,
-    trajectory_constraints: Any = None,
+    trajectory_constraints: Constraint | Sequence[Constraint] | None = None,
     terminal_cost: Cost | None = None,
-    terminal_constraints: Any = None,
-    initial_guess: Any = None,
-    basis: Any = None,
+    terminal_constraints: Constraint | Sequence[Constraint] | None = None,
+    initial_guess: ArrayLike | tuple[ArrayLike, ArrayLike] | None = None,
+    basis: BasisFamily | None = None,
     *,
     squeeze: bool | None = None,
     transpose: bool | None = None,
