@@ -8,7 +8,7 @@ central differences without a simulation.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import sympy as sp
@@ -29,7 +29,7 @@ from hovercontrol.targets.shoot import Columns, shoot_with_slopes
 
 Array = NDArray[np.float64]
 Cost = Callable[..., Any]
-Constraint = LinearConstraint | NonlinearConstraint | tuple[Any, ...]
+Constraint: TypeAlias = LinearConstraint | NonlinearConstraint | tuple[Any, ...]
 
 #: Step of central differences of a cost or constraint, relative to a value of 1 or more: the cube root of the
 #: rounding, 1e-16, where it and the step's square have like parts in the error.
