@@ -52,6 +52,10 @@ class Bank:
         Ticks since the start of each window, this one included.
     signature : list of list of list of sympy.Expr
         eta, by candidate, window and measurement.
+    columns, begun, Psi : list of sympy.Matrix
+        s of each candidate, s(tau) by window and candidate, and Psi of each window, before this tick.
+    A : sympy.Matrix, shape (n, n)
+        Error after this tick's measurements by the error before.
     """
 
     states: tuple[Signal, ...]
@@ -60,6 +64,14 @@ class Bank:
     information: list[list[sp.Expr]]
     age: list[sp.Expr]
     signature: list[list[list[sp.Expr]]]
+    columns: list[sp.Matrix]
+    begun: list[list[sp.Matrix]]
+    Psi: list[sp.Matrix]
+    A: sp.Matrix
+
+    def error(self, j: int, w: int) -> sp.Matrix:
+        """Return the error d of the prediction by a change of candidate j, per theta, from window w."""
+        return self.columns[j] - self.Psi[w] * self.begun[w][j]
 
 
 def through(
@@ -160,6 +172,8 @@ def write_bank(
     information: list[list[sp.Expr]] = [[] for _ in range(J)]
     signature: list[list[list[sp.Expr]]] = [[] for _ in range(J)]
     age: list[sp.Expr] = []
+    transitions: list[sp.Matrix] = []
+    beginnings: list[list[sp.Matrix]] = []
     before: dict[str, sp.Expr] = {}
     for w in range(windows):
         Psi = sp.Matrix(
@@ -176,6 +190,8 @@ def write_bank(
         )
         age.append(old)
         values = {f"age[{w}]": old}
+        transitions.append(Psi)
+        beginnings.append([])
         values |= {f"Psi[{w},{i},{k}]": Psi_next[i, k] for i in range(n) for k in range(n)}
         fresh: dict[str, sp.Expr] = {f"age[{w}]": sp.S.Zero}
         fresh |= {f"Psi[{w},{i},{k}]": sp.eye(n)[i, k] for i in range(n) for k in range(n)}
@@ -186,6 +202,7 @@ def write_bank(
                     for i, p in enumerate(plant)
                 ]
             )
+            beginnings[w].append(begun)
             eta = [write.define(f"eta[{w},{j},{i}]", own[j][i] - (R[i, :] * begun)[0]) for i in range(m)]
             signature[j].append(eta)
             b = state(f"b[{w},{j}]", "1", f"score of candidate {j} in window {w}")
@@ -203,4 +220,6 @@ def write_bank(
             earlier = taken[key.replace(f"[{w}", f"[{w - 1}", 1)] if w else taken[key]
             following[key] = sp.Piecewise((earlier, moved[w] > sp.S.Half), (value, True))
         before = values
-    return Bank(tuple(states), following, score, information, age, signature)
+    return Bank(
+        tuple(states), following, score, information, age, signature, columns, beginnings, transitions, A
+    )

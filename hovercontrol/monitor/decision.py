@@ -32,11 +32,14 @@ class Decision:
     values : dict of str to sympy.Expr
     alarm : sympy.Expr
         1 if a test has raised an alarm, at this tick or before.
+    shift : sympy.Matrix, shape (n, 1)
+        After an alarm, the error of the updated estimate by the named change.
     """
 
     outputs: tuple[Signal, ...]
     values: dict[str, sp.Expr]
     alarm: sp.Expr
+    shift: sp.Matrix
 
 
 def decide(
@@ -46,6 +49,7 @@ def decide(
     floors: Sequence[Signal],
     threshold: sp.Expr,
     latched: sp.Expr,
+    settled: sp.Expr,
     dead: Sequence[sp.Expr],
     channels: Sequence[Signal],
     period: sp.Expr,
@@ -58,6 +62,8 @@ def decide(
         J0 of each candidate.
     latched : sympy.Expr
         1 if an alarm was raised before.
+    settled : sympy.Expr
+        1 once the tests have begun.
     dead : sequence of sympy.Expr
         1 for each dead sensor, of `channels`.
     """
@@ -72,7 +78,9 @@ def decide(
             every.append((g, j, w))
         largest.append(write.define(f"evidence_{c.name}", sp.Max(*mine)))
     best = write.define("evidence", sp.Max(*largest))
-    alarm = write.define("test_alarm", sp.Piecewise((1, best > threshold), (latched, True)))
+    alarm = write.define(
+        "test_alarm", sp.Piecewise((1, sp.And(best > threshold, settled > sp.S.Half)), (latched, True))
+    )
 
     def of_best(name: str, values: Sequence[sp.Expr]) -> sp.Expr:
         pairs = [(v, g >= best) for v, (g, _, _) in zip(values[:-1], every[:-1], strict=True)]
@@ -82,6 +90,7 @@ def decide(
     which = of_best("best", [sp.Integer(j + 1) for j, _ in at])
     b = of_best("best_b", [bank.score[j][w] for j, w in at])
     info = of_best("best_J", [bank.information[j][w] for j, w in at])
+    of_best("best_window", [sp.Integer(w) for _, w in at])
     age = of_best("best_age", [bank.age[w] for _, w in at])
     outputs, values = [], {}
 
@@ -131,4 +140,35 @@ def decide(
         )
     for s, d in zip(channels, dead, strict=True):
         output(Signal(f"dead_{s.name}", "1", f"1 while no new sample of {s.name} comes"), d)
-    return Decision(tuple(outputs), values, alarm)
+    return Decision(tuple(outputs), values, alarm, _shift(write, bank, every, best, theta, told))
+
+
+def _shift(
+    write: Equations,
+    bank: Bank,
+    every: Sequence[tuple[sp.Expr, int, int]],
+    best: sp.Expr,
+    theta: sp.Expr,
+    told: sp.Expr,
+) -> sp.Matrix:
+    """Write the error of the updated estimate by the named change: ``theta A d``, zero before an alarm."""
+
+    def chosen(name: str, values: Sequence[sp.Expr]) -> sp.Expr:
+        pairs = [(v, g >= best) for v, (g, _, _) in zip(values, every, strict=True)]
+        return write.define(name, sp.Piecewise((0, sp.Not(told)), *pairs, (0, True), evaluate=False))
+
+    n = bank.A.rows
+    column = [chosen(f"named_s[{i}]", [bank.columns[j][i] for _, j, _ in every]) for i in range(n)]
+    begun = [chosen(f"named_begun[{i}]", [bank.begun[w][j][i] for _, j, w in every]) for i in range(n)]
+    moved = [
+        [(sum(P[i, k] * begun[k] for k in range(n)), sp.Symbol("best_window", real=True) < w + sp.S.Half)
+         for w, P in enumerate(bank.Psi)]
+        for i in range(n)
+    ]  # fmt: skip
+    d = sp.Matrix(
+        [
+            theta * (column[i] - sp.Piecewise((0, sp.Not(told)), *moved[i], (0, True), evaluate=False))
+            for i in range(n)
+        ]
+    )
+    return bank.A * write.matrix("named_error", d)

@@ -42,6 +42,8 @@ class Design:
         Number of windows, and ticks after which the first begins anew.
     substeps : int
         Runge-Kutta steps per tick.
+    settle : float
+        Time after the start and after a reset before which the tests do not begin [s].
     """
 
     model: Observed
@@ -52,6 +54,7 @@ class Design:
     windows: int
     first: int
     substeps: int
+    settle: float = 2.0
 
 
 def estimation_model(
@@ -162,7 +165,9 @@ def monitor_block(
     )
     steps = corrections(sensors.observed, write, prior)
     now = steps[-1].estimate
-    memory = _Memory(design, write, now.x)
+    # The candidates act on the true motion: after an alarm, the estimate is corrected by the named change.
+    shift = sp.Matrix([sp.Symbol(f"shift[{i}]", real=True) for i in range(n)])
+    memory = _Memory(design, write, write.matrix("actual", now.x + shift))
     driven = sorted({i for i, s in enumerate(plant) for c in design.candidates if s.name in c.rates})
     h = write.define("substep", step.symbol / design.substeps)
     then, dynamics, every = now, Dynamics(model.plant), []
@@ -181,17 +186,25 @@ def monitor_block(
         forced.append(g)
     bias = [[memory.at(c, c.seen.get(s.name, sp.S.Zero)) for s in model.measured] for c in design.candidates]
     latched = Signal("latched", "1", "1 after an alarm")
+    settle = Signal("settle", "s", "after a start, until the tests begin", start=design.settle, lower=0.0)
+    running = Signal("running", "s", "time since the start, at most `settle`")
+    begun = running.symbol >= settle.symbol - step.symbol / 2
+    settled = write.define("settled", sp.Piecewise((1, begun), (0, True)))
     bank = write_bank(
         write, plant, steps, Phi, forced, bias,
         windows=design.windows, first=design.first, hold=sp.Symbol("test_alarm", real=True),
     )  # fmt: skip
     decision = decide(
-        write, design.candidates, bank, floor, level.symbol, latched.symbol, sensors.dead, model.measured,
-        step.symbol,
+        write, design.candidates, bank, floor, level.symbol, latched.symbol, settled, sensors.dead,
+        model.measured, step.symbol,
     )  # fmt: skip
+    for i in range(n):
+        write.definitions[f"shift[{i}]"] = decision.shift[i]
     restart = sp.Symbol("reset", real=True) > sp.S.Half
     upper = [then.P[i, j] for i in range(n) for j in range(i, n)]
     following = dict(zip((s.name for s in states[:n]), then.x, strict=True))
+    elapsed = write.define("elapsed", sp.Min(running.symbol + step.symbol, settle.symbol))
+    following[running.name] = sp.Piecewise((sp.S.Zero, restart), (elapsed, True))
     signals = [*states[n:], latched, *bank.states]
     values = dict(zip((s.name for s in states[n:]), upper, strict=True))
     values |= {"latched": decision.alarm} | bank.next_values
@@ -202,19 +215,21 @@ def monitor_block(
     again = {f"P[{i},{i}]": s.symbol**2 for i, s in enumerate(begin)}
     for s in signals:
         start = again.get(s.name, sp.Integer(round(s.start)))
-        following[s.name] = sp.Piecewise((start, restart), (values[s.name], True))
+        begins = restart if s in states else sp.Or(restart, settled < sp.S.Half)
+        following[s.name] = sp.Piecewise((start, begins), (values[s.name], True))
     following |= sensors.next_values | memory.next_values
     outputs, shown = decision.outputs, decision.values
     if signatures:
         outputs, shown = _signature_outputs(bank)
     block = Block(
         name,
-        states=(*states, latched, *sensors.states, *memory.states, *bank.states),
+        states=(*states, latched, running, *sensors.states, *memory.states, *bank.states),
         inputs=(*model.inputs, RESET),
         outputs=outputs,
         parameters=(
             step,
             dead_after,
+            settle,
             level,
             *floor,
             *begin,

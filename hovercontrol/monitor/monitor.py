@@ -35,7 +35,7 @@ from hovercontrol.models.interface import AnyModel, as_model
 from hovercontrol.monitor.candidates import candidates_of
 from hovercontrol.monitor.equations import Design, estimation_model, monitor_block
 from hovercontrol.monitor.motion import Motion, motion_of
-from hovercontrol.monitor.threshold import floors, signatures_of, threshold_for
+from hovercontrol.monitor.threshold import Signatures, floors, signatures_of, threshold_for
 from hovercontrol.simulation.sampled import Ticking
 
 #: Length of the shortest window [s]; the windows' lengths grow by factors of 2.
@@ -61,6 +61,7 @@ def monitor(
     start_std: Mapping[str, float] | None = None,
     lost_samples: bool | Sequence[str] = False,
     dead_after: float = 1.0,
+    settle: float = 2.0,
     repeats: bool = False,
     motion: Log | None = None,
     substeps: int | None = None,
@@ -102,6 +103,9 @@ def monitor(
         sample.
     dead_after : float, optional
         Time without a new sample after which a sensor is dead [s].
+    settle : float, optional
+        Time after the start and after a reset until the tests begin [s]: far from the true state, the
+        filter's linearisation does not hold.
     repeats : bool, optional
         Whether a value equal to the one before is a new sample (a sensor of coarse resolution); by default it
         is not.
@@ -141,7 +145,7 @@ def monitor(
         positive(f"{name}: period", period),
         positive(f"{name}: false_alarms_per_hour", false_alarms_per_hour),
     )
-    for what, number in (("gust_seconds", gust_seconds), ("dead_after", dead_after)):
+    for what, number in (("gust_seconds", gust_seconds), ("dead_after", dead_after), ("settle", settle)):
         positive(f"{name}: {what}", number)
     craft = as_model(model)
     plant = plant_of(craft, name, "monitor")
@@ -149,6 +153,7 @@ def monitor(
         plant, measured, process_noise, measurement_noise, gusts or {}, gust_seconds, coefficient_std or {},
         start_std or {}, name, lost_samples,
     )  # fmt: skip
+    steps = steps_between(plant, tick, name, substeps)
     path = motion_of(plant, measured, tick, motion, name)
     found = candidates_of(craft, candidates, measured, path.sizes, name)
     design = Design(
@@ -159,23 +164,37 @@ def monitor(
         repeats,
         WINDOWS,
         max(1, round(SHORTEST / tick)),
-        steps_between(plant, tick, name, substeps),
+        steps,
+        settle,
     )
-    shown = signatures_of(_signatures(design, path), design.first)
-    floor = floors(shown)
-    for c, J in zip(found, floor, strict=True):
-        if not J > 0.0:
-            raise InputError(
-                f"{name}: candidate {c.name!r}: the measured channels {', '.join(measured)} never show it "
-                "along the motion"
-            )
+    shown, floor = tests_along(design, path)
     signs = np.array([c.sign for c in found])
     threshold = threshold_for(shown, floor, signs, wanted * tick / 3600.0)
     return monitor_block(design, threshold, list(floor))
 
 
+def tests_along(design: Design, path: Motion) -> tuple[Signatures, NDArray[np.float64]]:
+    """Return the signatures of the candidates along a motion, and J0 of each.
+
+    Raises
+    ------
+    InputError
+        If a candidate never shows along the motion.
+    """
+    shown = signatures_of(_signatures(design, path), design.first)
+    floor = floors(shown)
+    measured = ", ".join(s.name for s in design.model.measured)
+    for c, J in zip(design.candidates, floor, strict=True):
+        if not J > 0.0:
+            raise InputError(
+                f"{design.model.name}: candidate {c.name!r}: the measured channels {measured} never show it "
+                "along the motion"
+            )
+    return shown, floor
+
+
 def _signatures(design: Design, path: Motion) -> NDArray[np.float64]:
-    """Return the signatures along a motion, shape (K, W, J, m)."""
+    """Return the signatures along a motion after the filter has settled, shape (K, W, J, m)."""
     block = monitor_block(design, 1.0, [1.0] * len(design.candidates), signatures=True)
     run, names = Ticking(block), [s.name for s in (*design.model.measured, *design.model.plant.inputs)]
     others = {s.name: s.start for s in block.inputs if s.name not in names}
@@ -189,7 +208,8 @@ def _signatures(design: Design, path: Motion) -> NDArray[np.float64]:
             )
         )
     shape = (-1, len(design.candidates), design.windows, len(design.model.measured))
-    return np.array(rows).reshape(shape).swapaxes(1, 2)
+    settled = min(round(design.settle / design.period), len(rows) // 2)
+    return np.array(rows[settled:]).reshape(shape).swapaxes(1, 2)
 
 
 def named_effects(block: Block) -> list[str]:

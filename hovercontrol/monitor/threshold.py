@@ -18,6 +18,7 @@ Each draw is an alarm, so that the effort does not grow as the wanted rate falls
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,7 +71,7 @@ def signatures_of(eta: Array, first: int) -> Signatures:
     return Signatures(eta, start, information, moved)
 
 
-def _taken(content: NDArray, fresh: float, moved: NDArray[np.bool_]) -> NDArray:
+def _taken(content: NDArray[Any], fresh: float, moved: NDArray[np.bool_]) -> NDArray[Any]:
     """Return the windows' content for the next tick, along the first axis."""
     earlier = np.concatenate([np.full_like(content[:1], fresh), content[:-1]])
     return np.where(moved.reshape(-1, *[1] * (content.ndim - 1)), earlier, content)

@@ -1,0 +1,229 @@
+"""The monitor of a linear cart against a Kalman filter and likelihood ratios written out in NumPy."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+import hovercontrol as hc
+from hovercontrol.errors import InputError
+from hovercontrol.monitor.monitor import named_effects
+from hovercontrol.monitor.threshold import false_alarm_rate, signatures_of
+from hovercontrol.simulation.sampled import Ticking
+
+PERIOD, DRAG = 0.1, 0.5
+NOISE = {"p": 0.05}
+
+
+def cart():
+    """p' = v, v' = F/m - c v: a linear plant with a position sensor."""
+    p, v = hc.Signal("p", "m"), hc.Signal("v", "m/s")
+    F, m, c = hc.Signal("F", "N"), hc.Signal("m", "kg", start=2.0), hc.Signal("c", "1/s", start=DRAG)
+    slopes = {"p": v.symbol, "v": F.symbol / m.symbol - c.symbol * v.symbol}
+    return hc.Block("cart", [p, v], [F], [p, v], [m, c], slopes)
+
+
+@pytest.fixture(scope="module")
+def block():
+    return hc.monitor(
+        cart(), ["c", "p_bias"], false_alarms_per_hour=20.0, period=PERIOD, measured=["p"],
+        process_noise={"v": 0.1}, measurement_noise=NOISE, lost_samples=True,
+    )  # fmt: skip
+
+
+def data(seed=3, n=150, change=0.0, onset=60):
+    """Position samples and forces of a cart whose drag coefficient grows by `change` at a tick."""
+    rng = np.random.default_rng(seed)
+    F = 2.0 * np.sign(np.sin(0.3 * np.arange(n)))
+    x, y = np.zeros(2), []
+    for k in range(n):
+        y.append(x[0] + NOISE["p"] * rng.normal())
+        Phi, B, Q = discrete(DRAG + (change if k >= onset else 0.0))
+        x = Phi @ x + B * F[k] + np.linalg.cholesky(Q) @ rng.normal(size=2)
+    return np.array(y), F
+
+
+def discrete(c):
+    """Exact transition, input and noise matrices of a tick."""
+    e = np.exp(-c * PERIOD)
+    Phi = np.array([[1.0, (1 - e) / c], [0.0, e]])
+    B = np.array([(PERIOD - (1 - e) / c) / c, (1 - e) / c]) / 2.0
+    s = np.linspace(0, PERIOD, 2001)
+    g = np.stack([(1 - np.exp(-c * s)) / c, np.exp(-c * s)])
+    Q = 0.1**2 * np.trapezoid(g[:, None] * g[None], s, axis=2)
+    return Phi, B, Q
+
+
+def brute(y, F, onset):
+    """b and J of the drag and of the bias from an onset on, by a Kalman filter written out."""
+    Phi, B, Q = discrete(DRAG)
+    drive = np.array([(PERIOD - (1 - np.exp(-DRAG * PERIOD)) / DRAG) / DRAG, Phi[0, 1]])
+    x, P, d = np.zeros(2), np.eye(2), np.zeros((2, 2))  # columns of d: drag, bias
+    b, J = np.zeros(2), np.zeros(2)
+    for k in range(len(y)):
+        S = P[0, 0] + NOISE["p"] ** 2
+        K = P[:, 0] / S
+        e = y[k] - x[0]
+        x = x + K * e
+        if k >= onset:
+            eta = d[0] + np.array([0.0, 1.0])
+            b += eta * e / S
+            J += eta**2 / S
+            d = Phi @ (d - np.outer(K, eta))
+            d[:, 0] += drive * -x[1]
+        x = Phi @ x + B * F[k]
+        P = Phi @ (P - np.outer(K, P[0])) @ Phi.T + Q
+    return b, J
+
+
+def run(block, y, F, params=None, **others):
+    """Outputs at each tick, and the state after the last."""
+    ticking = Ticking(block, params)
+    every = []
+    for k in range(len(y)):
+        more = {key: value[k] for key, value in others.items()}
+        every.append(ticking.tick(PERIOD * k, {"p": y[k], "F": F[k], "fresh": 1.0, "reset": 0.0, **more}))
+    last = dict(zip((s.name for s in block.states), ticking.state, strict=True))
+    return {name: np.array([row[name] for row in every]) for name in every[0]}, last
+
+
+def test_scores_are_likelihood_ratios_written_out(block):
+    y, F = data(change=0.3, n=151)
+    _, last = run(block, y, F, {"monitor.threshold": 1e9})
+    first, begin = round(0.25 / PERIOD), round(2.0 / PERIOD)  # the tests begin after 2 s
+    starts = [begin] * 6
+    for k in range(begin, len(y) - 1):  # no window moves after the last tick
+        moved = [(k + 1 - begin) % (first * 2**w) == 0 for w in range(6)]
+        starts = [(starts[w - 1] if w else k + 1) if moved[w] else starts[w] for w in range(6)]
+    assert len(set(starts)) == 6
+    for w, start in enumerate(starts):
+        b, J = brute(y, F, start)
+        assert [last[f"b[{w},{j}]"] for j in range(2)] == pytest.approx(b, rel=1e-3, abs=1e-3)
+        assert [last[f"J[{w},{j}]"] for j in range(2)] == pytest.approx(J, rel=1e-3, abs=1e-6)
+
+
+def test_a_change_is_named_with_its_size(block):
+    y, F = data(change=2.0, n=250)
+    told, _ = run(block, y, F)
+    assert named_effects(block) == ["c", "p_bias", "p"]
+    assert told["alarm"][:60].max() == 0.0 and told["alarm"][-1] == 1.0
+    assert told["effect"][-1] == 1.0 and told["possible_p_bias"][-1] == 0.0
+    assert 1.0 < told["change"][-1] < 2.4
+    assert told["since"][-1] == pytest.approx((len(y) - 60) * PERIOD, abs=3.0)
+
+
+def test_lost_samples_and_single_outliers_raise_no_alarm(block):
+    y, F = data(n=200)
+    fresh = (np.arange(200) % 3 > 0) * 1.0
+    y[[40, 90, 140]] += [5.0, -5.0, 50.0]
+    fresh[[40, 90, 140]] = 1.0
+    told, _ = run(block, y, F, fresh=fresh)
+    assert told["alarm"].max() == 0.0
+
+
+def test_a_dead_sensor_is_named_while_it_is_dead(block):
+    y, F = data(n=200)
+    held = y.copy()
+    held[100:150] = y[99]
+    told, _ = run(block, held, F)
+    assert told["dead_p"][:108].max() == 0.0 and told["dead_p"][112:150].min() == 1.0
+    assert set(told["effect"][112:150]) == {3.0} and told["alarm"][-1] == 0.0
+
+
+def test_a_reset_ends_an_alarm(block):
+    y, F = data(change=2.0, n=250)
+    reset = (np.arange(250) == 119) * 1.0
+    told, _ = run(block, y, F, reset=reset, fresh=(np.arange(250) < 120) * 1.0)
+    assert told["alarm"][119] == 1.0 and told["alarm"][121] == 0.0
+
+
+def test_python_and_c_agree(block):
+    y, F = data(change=2.0, n=120)
+    told, _ = run(block, y, F)
+    time = PERIOD * np.arange(120)
+    inputs = {"p": y, "F": F, "fresh": np.ones(120), "reset": np.zeros(120)}
+    other = block.compile().simulate(time, inputs).outputs
+    for s, row in zip(block.outputs, other, strict=True):
+        assert np.asarray(row) == pytest.approx(told[s.name], rel=1e-9, abs=1e-9), s.name
+
+
+@pytest.mark.parametrize(
+    ("candidates", "text"),
+    [
+        (["d"], "unknown name 'd'"),
+        (["c", "c"], "'c' is listed twice"),
+        ([], "expected at least one"),
+        (["m"], "'m': the measured channels v never show it"),
+    ],
+)
+def test_a_wrong_candidate_is_refused_in_one_line(candidates, text):
+    v, F = hc.Signal("v", "m/s"), hc.Signal("F", "N", nominal=0.0 + 1e-300)
+    m = hc.Signal("m", "kg", start=2.0)
+    c = hc.Signal("c", "1/s", start=1.0)
+    block = hc.Block("cart", [v], [F], [v], [m, c], {"v": F.symbol / m.symbol - c.symbol * v.symbol})
+    with pytest.raises(InputError, match=text) as error:
+        hc.monitor(
+            block, candidates, false_alarms_per_hour=1.0, period=PERIOD, measured=["v"],
+            process_noise={"v": 0.1}, measurement_noise={"v": 0.1},
+        )  # fmt: skip
+    assert "\n" not in str(error.value)
+
+
+def test_a_period_that_is_too_long_is_refused():
+    with pytest.raises(InputError, match="fastest mode"):
+        hc.monitor(
+            cart(), ["c"], false_alarms_per_hour=1.0, period=500.0, measured=["p"],
+            process_noise={"v": 0.1}, measurement_noise=NOISE,
+        )  # fmt: skip
+
+
+def steady(K, W, first, m=1):
+    """Signatures of one candidate that shows alike in every sample."""
+    return signatures_of(np.ones((K, W, 1, m)), first)
+
+
+def test_the_rate_of_tests_of_single_samples_is_the_tail_of_chi_squared():
+    found = steady(600, 1, 1)
+    rate = false_alarm_rate(found, np.array([0.5]), np.array([0]), 20.0)
+    assert rate == pytest.approx(stats.chi2.sf(20.0 * 1.5, 1), rel=1e-3)
+    one_sided = false_alarm_rate(found, np.array([0.5]), np.array([1]), 20.0)
+    assert one_sided == pytest.approx(rate / 2, rel=1e-3)
+
+
+def test_the_rate_of_false_alarms_is_that_of_a_direct_simulation():
+    W, first, h, J0 = 4, 2, 13.0, 0.3
+    rate = false_alarm_rate(steady(400, W, first), np.array([J0]), np.array([0]), h, draws=4000)
+    rng, runs, ticks = np.random.default_rng(5), 2000, 4000
+    b, J, quiet, alarms = np.zeros((runs, W)), np.zeros(W), np.zeros(runs), 0
+    for k in range(ticks):
+        b += rng.normal(size=(runs, 1))
+        J = J + 1.0
+        over = (b**2 > h * (J + J0)).any(axis=1)
+        alarms += int((over & (quiet > 45)).sum())
+        quiet = np.where(over, 0, quiet + 1)
+        for w in reversed(range(W)):
+            if (k + 1) % (first * 2**w) == 0:
+                b[:, w], J[w] = (b[:, w - 1], J[w - 1]) if w else (0.0, 0.0)
+    assert rate == pytest.approx(alarms / (runs * ticks), rel=0.06)
+
+
+@pytest.mark.slow
+def test_an_fmu_agrees_with_c_to_the_last_digit(block, tmp_path):
+    fmpy = pytest.importorskip("fmpy")
+    y, F = data(change=2.0, n=120)
+    time = PERIOD * np.arange(120)
+    path = block.to_fmu(tmp_path / "monitor.fmu")
+    rows = np.zeros(120, [("time", float), ("p", float), ("F", float), ("fresh", float)])
+    rows["time"], rows["p"], rows["F"], rows["fresh"] = time, y, F, 1.0
+    names = [s.name for s in block.outputs]
+    other = fmpy.simulate_fmu(
+        str(path),
+        input=rows,
+        output=names,
+        stop_time=time[-1],
+        output_interval=PERIOD,
+        fmi_type="CoSimulation",
+    )
+    inputs = {"p": y, "F": F, "fresh": np.ones(120), "reset": np.zeros(120)}
+    ours = dict(zip(names, block.compile().simulate(time, inputs).outputs, strict=True))
+    for name in names:
+        assert np.array_equal(other[name], ours[name]), name
