@@ -1,7 +1,8 @@
 """Alarms of a monitor over time: when, what, how large, since when, and what else it may be.
 
 After an alarm the evidence is collected for some seconds, which makes the name and the size sharper. Then
-the tests restart. If they find the same change again, it is the same alarm, seen once more.
+the tests restart: a change of the model's own coefficient or a bias that has no rival is put into the monitor
+first; any other change stays, and when the tests find it again it is the same alarm, seen once more.
 """
 
 from __future__ import annotations
@@ -113,8 +114,10 @@ class Alarms:
 
     def tick(self, tick: Tick) -> Iterator[tuple[str, Alarm]]:
         """Take a tick; give events ``alarm``, ``named``, ``dead`` and ``back`` with their alarms."""
-        self.reset_due = False
+        restarting, self.reset_due = self.reset_due, False
         yield from self._sensors(tick)
+        if restarting:  # the outputs of this tick are still those before the restart
+            return
         which = round(float(tick.values[self._places["effect"]]))
         changed = 1 <= which <= len(self.names)
         if self.open is None and changed:

@@ -70,6 +70,10 @@ class Feed:
             n for n in inputs if n not in self.measured and n not in self._fresh and n != "reset"
         ]
         self._commanded = set(self.commands)
+        self._own = {key.rpartition(".")[2]: key for key in self._compiled.block.default_parameters}
+        self._own = {n: self._own[n] for n in candidates_in(block) if n in self._own}
+        self._params: dict[str, float] = {}
+        self._bias = dict.fromkeys(self.measured, 0.0)
         self._last_row = -math.inf
         self._reset = False
         self._start_of: float | None = None
@@ -80,6 +84,14 @@ class Feed:
     def reset(self) -> None:
         """Restart the tests at the next tick."""
         self._reset = True
+
+    def adopt(self, name: str, change: float) -> None:
+        """Put a change of an own coefficient, or a bias of a channel, into the monitor; others are left."""
+        if name.endswith("_bias") and name.removesuffix("_bias") in self._bias:
+            self._bias[name.removesuffix("_bias")] += change
+        elif name in self._own:
+            self._params[self._own[name]] = self._runner.params[self._own[name]] + change
+            self._runner.set(params={self._own[name]: self._params[self._own[name]]})
 
     def rows(self, time: float, values: Mapping[str, float]) -> Iterator[Tick]:
         """Take a row and give the ticks before it that are complete.
@@ -120,7 +132,7 @@ class Feed:
     def _begin(self, time: float, values: Mapping[str, float]) -> None:
         estimates = {s.description.removeprefix("estimate of "): s.name for s in self._compiled.block.states}
         at = {
-            estimates[name]: values[name]
+            estimates[name]: values[name] - self._bias[name]
             for name in self.measured
             if name in estimates and math.isfinite(values.get(name, math.nan))
         }
@@ -129,13 +141,13 @@ class Feed:
         self._held = np.array([s.start for s in self.block.inputs])
         for name, place in self._places.items():
             if name in self.measured and name in values and math.isfinite(values[name]):
-                self._held[place] = values[name]
-        self._runner = self._compiled.start(at)
+                self._held[place] = values[name] - self._bias[name]
+        self._runner = self._compiled.start(at, self._params)
 
     def _step(self) -> Tick:
         for name, (_, value) in self._rows.items():
             if name in self._places:
-                self._held[self._places[name]] = value
+                self._held[self._places[name]] = value - self._bias.get(name, 0.0)
         for name, channel in self._fresh.items():
             seen = channel in self._rows if name != "fresh" else all(n in self._rows for n in self.measured)
             self._held[self._places[name]] = float(seen)

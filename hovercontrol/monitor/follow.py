@@ -15,7 +15,7 @@ from hovercontrol.io.plain_json import plain
 from hovercontrol.logs.column_units import column_of, factor_to_si
 from hovercontrol.monitor.alarms import Alarms
 from hovercontrol.monitor.feed import Feed, Tick
-from hovercontrol.monitor.replay import alarm_json, threshold_of
+from hovercontrol.monitor.replay import alarm_json, settle, threshold_of
 
 #: Time between two looks at a file that does not grow [s].
 PAUSE = 0.05
@@ -158,6 +158,7 @@ def follow(
 
 def _events(feed: Feed, alarms: Alarms, tick: Tick) -> Iterator[dict[str, Any]]:
     for event, alarm in alarms.tick(tick):
+        settle(feed, event, alarm)
         yield {"event": event, **alarm_json(alarm)}
     if alarms.reset_due:
         feed.reset()

@@ -244,9 +244,16 @@ def replay(
 
 def _take(feed: Feed, alarms: Alarms, ticks: list[Tick], tick: Tick) -> None:
     ticks.append(tick)
-    list(alarms.tick(tick))
+    for event, alarm in alarms.tick(tick):
+        settle(feed, event, alarm)
     if alarms.reset_due:
         feed.reset()
+
+
+def settle(feed: Feed, event: str, alarm: Alarm) -> None:
+    """Put a change that is named without a rival into the monitor."""
+    if event == "named" and not alarm.rivals:
+        feed.adopt(alarm.name, alarm.change)
 
 
 def _replayed(
