@@ -35,15 +35,15 @@ def monitor(
         str | None,
         typer.Option(
             "--fit",
-            help="A sound log, from which coefficients and noise are fitted (default: the model as it is, and "
-            "the noise of the first part of LOG).",
+            help="A sound log, from which coefficients and noise are fitted (default: the model as it is, "
+            "and the noise of the first part of LOG).",
         ),
     ] = None,
     candidates: Annotated[
         str,
         typer.Option(
-            help="Changes to look for, separated by commas: effects, coefficients of the model, NAME_bias of a "
-            "measured channel (default: the model's linear coefficients and biases).",
+            help="Changes to look for, separated by commas: effects, coefficients of the model, NAME_bias of "
+            "a measured channel (default: the model's linear coefficients and biases).",
             autocompletion=names.effects,
         ),
     ] = "",

@@ -68,7 +68,9 @@ class Alarm:
         digits = 0 if not self.std > 0 else max(0, 1 - math.floor(math.log10(self.std)))
         size = f"{self.change:.{digits}f} +- {self.std:.{digits}f}" if digits < 8 else f"{self.change:.3g}"
         unit = "" if self.unit == "1" else f" {self.unit}"
-        said = f"{self.name} changed by {size}{unit}" if self.kind == "change" else f"{self.name} {size}{unit}"
+        said = (
+            f"{self.name} changed by {size}{unit}" if self.kind == "change" else f"{self.name} {size}{unit}"
+        )
         rivals = f"; or {', '.join(self.rivals)}" if self.rivals else ""
         return f"{self.time:.1f} s: {said} since {self.since:.1f} s{rivals}"
 

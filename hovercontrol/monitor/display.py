@@ -23,7 +23,7 @@ FLOOR = 0.1
 
 def draw(found: Replayed) -> Figure:
     """Return the figure of a replay."""
-    figure = Figure(figsize=(8.0, 4.6), layout="constrained")
+    figure = Figure(figsize=(8.0, 5.2), layout="constrained")
     top, low = figure.subplots(2, 1, sharex=True, height_ratios=[3.2, 1.0])
     alarmed = [a.name for a in found.alarms if a.kind != "dead"]
     order = sorted(
@@ -33,7 +33,9 @@ def draw(found: Replayed) -> Figure:
         row = np.maximum(found.evidence[name], FLOOR)
         drawn = envelope(row)
         style = {"color": f"C{k}", "lw": 1.3} if k < COLOURED else {"color": "0.8", "lw": 0.7}
-        top.plot(found.time[drawn], row[drawn], label=name if k < COLOURED else None, zorder=3 - 0.1 * k, **style)
+        top.plot(
+            found.time[drawn], row[drawn], label=name if k < COLOURED else None, zorder=3 - 0.1 * k, **style
+        )
     top.axhline(found.threshold, color="k", ls="--", lw=1.0)
     top.annotate(
         f"threshold {found.threshold:.1f}", (1.0, found.threshold), xycoords=("axes fraction", "data"),
@@ -42,7 +44,10 @@ def draw(found: Replayed) -> Figure:
     top.set_yscale("log")
     top.set_ylabel("evidence [1]")
     top.set_title(_title(found), loc="left", fontsize="medium")
-    top.legend(loc="upper left", fontsize="small", frameon=False, ncols=2)
+    handles, labels = top.get_legend_handles_labels()
+    figure.legend(
+        handles[::-1], labels[::-1], loc="outside lower center", fontsize="small", frameon=False, ncols=3
+    )
     _alarms(low, found, {name: k for k, name in enumerate(order)})
     low.set_xlabel("time [s]")
     return figure
@@ -92,4 +97,11 @@ def replayed_html(found: Replayed) -> str:
     """Return the HTML of a replay for a notebook."""
     remark = f"{found.seconds:.1f} s, {found.time.size} ticks, threshold {found.threshold:.1f}"
     nothing = "" if found.alarms else "nothing changed"
-    return card("replay", found.log, remark, lines(nothing), table(HEADINGS, rows_of(found.alarms)), lines(*found.notes))
+    return card(
+        "replay",
+        found.log,
+        remark,
+        lines(nothing),
+        table(HEADINGS, rows_of(found.alarms)),
+        lines(*found.notes),
+    )

@@ -92,7 +92,7 @@ def lines_of(stream: TextIO) -> Iterator[str]:
 
 
 def growing_lines(path: Path) -> Iterator[str]:
-    """Give the lines of a file and those that are appended to it, without end; an emptied file begins anew."""
+    """Give the lines of a file and those appended to it, without end; an emptied file begins anew."""
     part = ""
     with path.open(encoding="utf-8", errors="replace", newline="") as file:
         while True:
