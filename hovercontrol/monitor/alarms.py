@@ -17,8 +17,12 @@ from hovercontrol.monitor.feed import Tick, candidates_in, measured_of, unit_of
 #: Time after an alarm for which evidence is collected before the tests restart [s].
 HOLD = 5.0
 
-#: Standard errors of the difference within which two sizes are the same.
-SAME = 4.0
+#: While there is a rival, evidence is collected for at most this many times as long.
+LONGER = 3.0
+
+#: A candidate with this share of the largest evidence is a rival. The tests are linear in a change; of a large
+#: one they explain so much only, and the likelihood ratio alone would exclude the right name.
+SHARE = 0.8
 
 
 @dataclass(frozen=True)
@@ -74,10 +78,10 @@ class Alarm:
         rivals = f"; or {', '.join(self.rivals)}" if self.rivals else ""
         return f"{self.time:.1f} s: {said} since {self.since:.1f} s{rivals}"
 
-    def repeats(self, other: Alarm) -> bool:
-        """Whether this is an earlier alarm, seen once more: the same name and size."""
-        apart = abs(self.change - other.change)
-        return self.name == other.name and apart <= SAME * math.hypot(self.std, other.std)
+    @property
+    def names(self) -> set[str]:
+        """The name and its rivals."""
+        return {self.name, *self.rivals}
 
 
 class Alarms:
@@ -124,11 +128,12 @@ class Alarms:
         changed = 1 <= which <= len(self.names)
         if self.open is None and changed:
             self.open = self._alarm(tick, which, tick.time)
-            if not (self.found and self.open.name == self.found[-1].name):
+            if not (self.found and self.found[-1].rivals and self.open.name in self.found[-1].names):
                 yield "alarm", self.open
         elif self.open is not None and changed:
             self.open = self._alarm(tick, which, self.open.time)
-        if self.open is not None and tick.time - self.open.time >= self._hold:
+        longer = LONGER if self.open is not None and self.open.rivals else 1.0
+        if self.open is not None and tick.time - self.open.time >= longer * self._hold:
             yield from self.end(tick.time)
             self.reset_due = True
 
@@ -137,26 +142,38 @@ class Alarms:
         if self.open is None:
             return
         now, self.open = self.open, None
-        changes = [k for k, a in enumerate(self.found) if a.kind != "dead"]
-        if changes and now.repeats(self.found[changes[-1]]):
-            self.found[changes[-1]] = replace(self.found[changes[-1]], last=time)
-            return
+        earlier = [k for k, a in enumerate(self.found) if a.kind != "dead"]
+        if earlier and self.found[earlier[-1]].rivals:  # it was not put into the monitor, and is still there
+            before = self.found[earlier[-1]]
+            if now.names & before.names:
+                left = now.names & before.names
+                name = now.name if now.name in left else before.name
+                sized = now if name == now.name else before
+                self.found[earlier[-1]] = replace(
+                    before, name=name, kind=sized.kind, change=sized.change, std=sized.std, unit=sized.unit,
+                    rivals=tuple(n for n in self.names if n in left and n != name), last=time,
+                )  # fmt: skip
+                if left < before.names:
+                    yield "named", self.found[earlier[-1]]
+                return
         self.found.append(now)
         yield "named", now
 
-    def now(self, tick: Tick) -> Alarm | None:
-        """Return what the monitor says at a tick: a change, or None."""
-        which = round(float(tick.values[self._places["effect"]]))
-        if 1 <= which <= len(self.names):
-            return self._alarm(tick, which, self.open.time if self.open else tick.time)
-        return None
+    def took(self, alarm: Alarm, change: float) -> None:
+        """Correct the size of an alarm to the change that was put into the monitor, within its bounds."""
+        self.found = [replace(a, change=change) if a is alarm else a for a in self.found]
 
     def _alarm(self, tick: Tick, which: int, raised: float) -> Alarm:
         def value(name: str) -> float:
             return float(tick.values[self._places[name]])
 
         name = self.names[which - 1]
-        rivals = tuple(n for n in self.names if n != name and value(f"possible_{n}") > 0.5)
+        most = SHARE * value("evidence")
+        rivals = tuple(
+            n
+            for n in self.names
+            if n != name and (value(f"possible_{n}") > 0.5 or value(f"evidence_{n}") > most)
+        )
         biased = name.removesuffix("_bias") in self._measured and name.endswith("_bias")
         return Alarm(
             raised,

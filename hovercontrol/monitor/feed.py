@@ -72,6 +72,12 @@ class Feed:
         self._commanded = set(self.commands)
         self._own = {key.rpartition(".")[2]: key for key in self._compiled.block.default_parameters}
         self._own = {n: self._own[n] for n in candidates_in(block) if n in self._own}
+        self._bounds = {
+            key: (float(p.lower), float(p.upper))
+            for p in self._compiled.block.parameters
+            for key in self._own.values()
+            if p.name == key
+        }
         self._params: dict[str, float] = {}
         self._bias = dict.fromkeys(self.measured, 0.0)
         self._last_row = -math.inf
@@ -85,13 +91,24 @@ class Feed:
         """Restart the tests at the next tick."""
         self._reset = True
 
-    def adopt(self, name: str, change: float) -> None:
-        """Put a change of an own coefficient, or a bias of a channel, into the monitor; others are left."""
+    def adopt(self, name: str, change: float) -> float:
+        """Put a change of an own coefficient, or a bias of a channel, into the monitor; others are left.
+
+        Returns
+        -------
+        float
+            The change, limited to the bounds of the coefficient.
+        """
         if name.endswith("_bias") and name.removesuffix("_bias") in self._bias:
             self._bias[name.removesuffix("_bias")] += change
         elif name in self._own:
-            self._params[self._own[name]] = self._runner.params[self._own[name]] + change
-            self._runner.set(params={self._own[name]: self._params[self._own[name]]})
+            key = self._own[name]
+            lower, upper = self._bounds[key]
+            before = self._runner.params[key]
+            self._params[key] = min(max(before + change, lower), upper)
+            self._runner.set(params={key: self._params[key]})
+            return self._params[key] - before
+        return change
 
     def rows(self, time: float, values: Mapping[str, float]) -> Iterator[Tick]:
         """Take a row and give the ticks before it that are complete.

@@ -158,8 +158,7 @@ def follow(
 
 def _events(feed: Feed, alarms: Alarms, tick: Tick) -> Iterator[dict[str, Any]]:
     for event, alarm in alarms.tick(tick):
-        settle(feed, event, alarm)
-        yield {"event": event, **alarm_json(alarm)}
+        yield {"event": event, **alarm_json(settle(feed, alarms, event, alarm))}
     if alarms.reset_due:
         feed.reset()
 

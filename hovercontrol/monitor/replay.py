@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -245,15 +245,20 @@ def replay(
 def _take(feed: Feed, alarms: Alarms, ticks: list[Tick], tick: Tick) -> None:
     ticks.append(tick)
     for event, alarm in alarms.tick(tick):
-        settle(feed, event, alarm)
+        settle(feed, alarms, event, alarm)
     if alarms.reset_due:
         feed.reset()
 
 
-def settle(feed: Feed, event: str, alarm: Alarm) -> None:
-    """Put a change that is named without a rival into the monitor."""
-    if event == "named" and not alarm.rivals:
-        feed.adopt(alarm.name, alarm.change)
+def settle(feed: Feed, alarms: Alarms, event: str, alarm: Alarm) -> Alarm:
+    """Put a change that is named without a rival into the monitor; return the alarm with its size."""
+    if event != "named" or alarm.rivals:
+        return alarm
+    taken = feed.adopt(alarm.name, alarm.change)
+    if taken == alarm.change:
+        return alarm
+    alarms.took(alarm, taken)
+    return replace(alarm, change=taken)
 
 
 def _replayed(
