@@ -31,7 +31,7 @@ PROCESS = {"u": 0.01, "v": 0.01, "r": 0.02}
 FALSE_ALARMS_PER_HOUR = 0.1
 
 #: Time after an alarm for which evidence is collected [s].
-HOLD = 3.0
+HOLD = 5.0
 
 #: Alarms that the page lists, the last ones.
 LISTED = 5

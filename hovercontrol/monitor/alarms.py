@@ -20,9 +20,9 @@ HOLD = 5.0
 #: While there is a rival, evidence is collected for at most this many times as long.
 LONGER = 3.0
 
-#: A candidate with this share of the largest evidence is a rival. The tests are linear in a change; of a large
-#: one they explain so much only, and the likelihood ratio alone would exclude the right name.
-SHARE = 0.8
+#: A candidate with this share of the largest evidence is a rival. The tests are linear in a change: of a
+#: large one they explain a part only, and the likelihood ratio alone would exclude the right name.
+SHARE = 0.6
 
 
 @dataclass(frozen=True)

@@ -255,7 +255,7 @@ def settle(feed: Feed, alarms: Alarms, event: str, alarm: Alarm) -> Alarm:
     if event != "named" or alarm.rivals:
         return alarm
     taken = feed.adopt(alarm.name, alarm.change)
-    if taken == alarm.change:
+    if taken in (0.0, alarm.change):  # 0: at its bound already, another cause is likelier
         return alarm
     alarms.took(alarm, taken)
     return replace(alarm, change=taken)
