@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import sys
 import time
+from collections import Counter
 from collections.abc import Iterator
 
 import numpy as np
@@ -239,7 +240,7 @@ def delays(log: hc.Log, rate: float = 1.0, seeds: int = 5) -> Iterator[tuple[str
             k = min(late[0] + round(5.0 / PERIOD), t.size - 1)
             best = names[round(float(out["effect"][k])) - 1]
             possible = [n for n in names[: len(names) - 3] if out[f"possible_{n}"][k] > 0.5]
-            told.append(f"{best}/{len(possible)}")
+            told.append(best if len(possible) == 1 else f"{best} or {len(possible) - 1} more")
             wanted = f"{name}_x" if name == "slope" else name
             right += wanted in possible and len(possible) <= 3
             alone += wanted not in possible and len(possible) == 1
@@ -250,7 +251,7 @@ def delays(log: hc.Log, rate: float = 1.0, seeds: int = 5) -> Iterator[tuple[str
         mean = float(np.mean(took)) if took else float("inf")
         yield (
             f"delay, {name}",
-            f"{mean:.2f} s of {len(took)} ({', '.join(told)})",
+            f"{mean:.2f} s; {', '.join(f'{n} {k}' for k, n in Counter(told).items())}",
             f"{1.5 * least:.2f} s",
             mean <= 1.5 * least,
         )

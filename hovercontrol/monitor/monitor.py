@@ -167,13 +167,13 @@ def monitor(
         steps,
         settle,
     )
-    shown, floor = tests_along(design, path)
+    shown, floor = along_motion(design, path)
     signs = np.array([c.sign for c in found])
     threshold = threshold_for(shown, floor, signs, wanted * tick / 3600.0)
     return monitor_block(design, threshold, list(floor))
 
 
-def tests_along(design: Design, path: Motion) -> tuple[Signatures, NDArray[np.float64]]:
+def along_motion(design: Design, path: Motion) -> tuple[Signatures, NDArray[np.float64]]:
     """Return the signatures of the candidates along a motion, and J0 of each.
 
     Raises
