@@ -72,6 +72,7 @@ if TYPE_CHECKING:
     from hovercontrol.models.parameters import load_parameters, save_parameters
     from hovercontrol.models.vehicles import VEHICLES, vehicle
     from hovercontrol.monitor.monitor import monitor
+    from hovercontrol.monitor.replay import replay
     from hovercontrol.simulation.trajectory import simulate
     from hovercontrol.targets.optimal_control import solve_ocp
     from hovercontrol.targets.trim import Trim
@@ -142,6 +143,7 @@ __all__ = [
     "observability",
     "regression",
     "monitor",
+    "replay",
     "simulate",
     # guidance
     "line_of_sight",

@@ -19,6 +19,10 @@ ABOUT = {
         "What happens, to which craft, in which phases. `hovercontrol simulate FILE`.",
     ),
     "result": ("result.json of a diagnosis", "What `hovercontrol diagnose` found, for other programs."),
+    "monitor": (
+        "result.json of a monitor",
+        "What `hovercontrol monitor` found; its `alarms` are the lines of `--follow`.",
+    ),
 }
 
 

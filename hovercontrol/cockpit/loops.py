@@ -8,6 +8,7 @@ from hovercontrol.cockpit.loop import Loop
 from hovercontrol.cockpit.orders import Flown
 from hovercontrol.cockpit.pacer import Pacer
 from hovercontrol.cockpit.real_loop import RealLoop
+from hovercontrol.cockpit.watch import Watch, watch_block
 from hovercontrol.errors import InputError, did_you_mean, shown
 from hovercontrol.models.model import Model
 
@@ -68,3 +69,18 @@ class Loops:
             finally:
                 self.building = False
         self._pacer.fly(self._known[kind])
+
+    async def watch(self) -> None:
+        """Let a monitor watch the present loop; time stands still while it is built.
+
+        Raises
+        ------
+        InputError
+            As of :func:`.watch.watch_block`.
+        """
+        self.building = True
+        try:
+            watch = await asyncio.to_thread(lambda: Watch(watch_block(self._pacer.loop.model)))
+        finally:
+            self.building = False
+        self._pacer.monitor(watch)

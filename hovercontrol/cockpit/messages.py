@@ -8,7 +8,8 @@ from hovercontrol.errors import InputError, did_you_mean, shown
 
 #: What a message may hold.
 _ORDERS = {
-    "stick": list, "command": dict, "loop": str, "pause": bool, "record": bool, "reset": bool, "take": bool,
+    "stick": list, "command": dict, "loop": str, "pause": bool, "record": bool, "reset": bool,
+    "monitor": bool, "take": bool,
 }  # fmt: skip
 
 

@@ -10,6 +10,7 @@ from typing import Any
 
 from hovercontrol.cockpit.orders import Flown
 from hovercontrol.cockpit.recorder import LONGEST, Recorder
+from hovercontrol.cockpit.watch import Watch
 from hovercontrol.errors import InputError
 
 #: Simulated time between two frames and between two rows of a recording [s]. Commands take effect on a row,
@@ -47,6 +48,7 @@ class Pacer:
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="pacer", daemon=True)
         self._recorder: Recorder | None = None
+        self._monitor: Watch | None = None
         self._finished: list[Recorder] = []
         self._paused, self._note, self._frame = True, "", 0
         self._heard: float | None = None
@@ -112,6 +114,8 @@ class Pacer:
         with self._lock:
             self._end_recording()
             self.loop.reset()
+            if self._monitor is not None:
+                self._monitor.restart()
             self._note = ""
             self._begin()
             self._tell()
@@ -122,8 +126,14 @@ class Pacer:
             self._end_recording()
             loop.reset()
             loop.command(law=self.loop.law if self.loop.law in loop.choices else "manual", stick=(0.0, 0.0))
-            self.loop, self._note = loop, ""
+            self.loop, self._note, self._monitor = loop, "", None
             self._begin()
+            self._tell()
+
+    def monitor(self, watch: Watch | None) -> None:
+        """Let a monitor watch the craft from now on; None ends it."""
+        with self._lock:
+            self._monitor = watch
             self._tell()
 
     def record(self, on: bool) -> None:
@@ -171,8 +181,12 @@ class Pacer:
         try:
             for _ in range(done, due):
                 for _ in range(round(FRAME / ROW)):
-                    if self._recorder is not None:
-                        self._recorder.add(self.loop.signals())
+                    if self._recorder is not None or self._monitor is not None:
+                        signals = self.loop.signals()
+                        if self._recorder is not None:
+                            self._recorder.add(signals)
+                        if self._monitor is not None:
+                            self._monitor.row(signals)
                     self.loop.advance(self.loop.time + ROW)
         except (InputError, ArithmeticError, ValueError) as error:
             self._paused, self._note = True, str(error)
@@ -224,6 +238,7 @@ class Pacer:
             "references": loop.references[loop.law],
             "disturbances": loop.switched_on,
             "paused": self._paused,
+            "monitor": None if self._monitor is None else self._monitor.state(),
             "recording": None if self._recorder is None else self._recorder.seconds,
             "factor": factor,
             "load": load,

@@ -163,6 +163,8 @@ class Console:
         stick = tuple(message.get("stick", ()))
         if "loop" in message:
             self._switch(talk, message["loop"])
+        if "monitor" in message:
+            self._monitor(talk, message["monitor"])
         if "command" in message:
             self.pacer.command(**message["command"], **({"stick": stick} if stick else {}))
         elif stick:
@@ -198,6 +200,30 @@ class Console:
         finally:
             self.pacer.pause(paused)
             await self._save_finished()
+
+    def _monitor(self, talk: web.WebSocketResponse, on: bool) -> None:
+        """Let the monitor watch as soon as it is built, or end it."""
+        if not on:
+            self.pacer.monitor(None)
+            return
+        if self.pacer.loop.kind != "ideal":
+            raise InputError("the monitor knows the ideal loop only: switch to it first")
+        if self.loops.building:
+            raise InputError("another loop or monitor is being built: wait for it")
+        self._switching = asyncio.create_task(self._watch(talk))
+
+    async def _watch(self, talk: web.WebSocketResponse) -> None:
+        paused = self.pacer.state["paused"]
+        try:
+            self.pacer.pause(True)
+            news = "Building the monitor: half a minute, more the first time."
+            await talk.send_json({"news": news, "wait": True})
+            await self.loops.watch()
+            await self._tell_all({"news": "The monitor watches."})
+        except (InputError, RuntimeError) as error:
+            await self._tell_all({"error": one_line(error, 300)})
+        finally:
+            self.pacer.pause(paused)
 
     async def _tell_all(self, news: dict[str, Any]) -> None:
         for talk in list(self.watchers):

@@ -16,8 +16,8 @@ def schema(
     kind: Annotated[
         str,
         typer.Argument(
-            help="Format: result (of diagnose), model or scenario (TOML files).",
-            autocompletion=names.of("result", "model", "scenario"),
+            help="Format: result (of diagnose), monitor (its result), model or scenario (TOML files).",
+            autocompletion=names.of("result", "monitor", "model", "scenario"),
         ),
     ],
 ) -> int:

@@ -17,7 +17,17 @@ def main(out, progress):
     (out / "words.txt").write_text("one\\ntwo\\n")
     return [out / "words.txt"]
 '''
-REPORTING = ("simulate", "check", "identify", "diagnose", "export", "analyze", "sweep", "benchmark")
+REPORTING = (
+    "simulate",
+    "check",
+    "identify",
+    "diagnose",
+    "monitor",
+    "export",
+    "analyze",
+    "sweep",
+    "benchmark",
+)
 
 
 @pytest.fixture

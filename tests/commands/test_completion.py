@@ -51,6 +51,8 @@ def test_every_command_and_its_options_are_offered():
         (["check", "--vehicle", "four"], {"four_fan"}),
         (["cockpit", "--vehicle", "four"], {"four_fan"}),
         (["diagnose", "--effects", "slope,win"], {"slope,wind"}),
+        (["monitor", "--candidates", "slope,win"], {"slope,wind"}),
+        (["monitor", "--vehicle", "four"], {"four_fan"}),
         (["export", "four"], {"four_fan"}),
         (["export", "table2-"], {"table2-outliers"}),
         (["export", "--fmi", ""], {"2", "3"}),

@@ -1,6 +1,7 @@
 // The page of the cockpit: frames from the server are drawn, orders of the pilot are sent.
 import { Gauges } from "/page/gauges.js";
 import { CraftMap } from "/page/map.js";
+import { Monitor } from "/page/monitor.js";
 import { Panel } from "/page/panel.js";
 import { Replay } from "/page/replay.js";
 import { Station } from "/page/station.js";
@@ -24,6 +25,10 @@ const panel = new Panel(at("laws"), at("references"), at("disturbances"), (comma
   panel.show(state, true);
 });
 const station = new Station(at("station"), (command) => send({ command }));
+const monitor = new Monitor(
+  { button: at("monitor"), now: at("monitor-now"), evidence: at("monitor-evidence"), alarms: at("monitor-alarms") },
+  (on) => send({ monitor: on }),
+);
 const replay = new Replay({ play: at("play"), seek: at("seek"), speed: at("speed") });
 const stick = new Stick(at("pad"), at("knob"), () => {
   if (state?.pilot && !byStick(state.law)) say(`The stick is off: ${title(state.law)} flies. Choose Manual.`, true);
@@ -120,6 +125,7 @@ function draw() {
   gauges.show(state.signals);
   panel.show(state);
   station.show(state, map.about);
+  monitor.show(state);
   at("time").textContent = state.signals.time.toFixed(1);
   at("pause").textContent = state.paused ? "Go on" : "Pause";
   const recording = state.recording !== null;

@@ -1,0 +1,124 @@
+"""A monitor of the logs of a machine: channels, period and noise from a log."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hovercontrol.core.block import Block
+from hovercontrol.errors import InputError, shown
+from hovercontrol.logs.log import POSE, Log
+from hovercontrol.monitor.candidates import Craft
+from hovercontrol.monitor.monitor import monitor
+from hovercontrol.monitor.noise import first_part, fitted_on, noise_from
+
+#: Shortest period of a monitor [s]; of faster logs every n-th row is used.
+SHORTEST_PERIOD = 0.01
+
+#: Longest part of a log along which the threshold is computed [s].
+MOTION = 60.0
+
+
+@dataclass(frozen=True)
+class Built:
+    """A monitor made for a log, and where its numbers come from.
+
+    Attributes
+    ----------
+    block : Block
+    notes : tuple of str
+        One line each.
+    """
+
+    block: Block
+    notes: tuple[str, ...]
+
+
+def build(
+    model: Craft,
+    log: Log,
+    *,
+    train: Log | None = None,
+    candidates: Sequence[str] | None = None,
+    measured: Sequence[str] | None = None,
+    false_alarms_per_hour: float = 0.1,
+    progress: Callable[[float, str], None] | None = None,
+) -> Built:
+    """Return a monitor for a log.
+
+    Parameters
+    ----------
+    log : Log
+        To be replayed, or the training log again.
+    train : Log, optional
+        From which coefficients and noise are fitted. Default: the model as it is, and the noise of the first
+        part of the log.
+    candidates : sequence of str, optional
+        As for :func:`~hovercontrol.monitor.monitor.monitor`.
+    measured : sequence of str, optional
+        Default: the pose of a craft, of another machine all outputs that the log has.
+    false_alarms_per_hour : float, optional
+    progress : callable, optional
+
+    Raises
+    ------
+    InputError
+        As of the fit and of :func:`~hovercontrol.monitor.monitor.monitor`.
+    """
+    report = progress or (lambda part, what: None)
+    channels = list(measured) if measured else channels_of(model, log)
+    period = period_of(log, channels)
+    source = train if train is not None else first_part(log)
+    report(0.0, "fitting the noise")
+    if train is not None:
+        model, noise = fitted_on(model, train, channels, lambda part, what: report(0.3 * part, what))
+        where = f"coefficients and noise fitted on {train.name}"
+    else:
+        noise = noise_from(model, source, channels)
+        where = (
+            f"noise taken from the first {source.time[-1] - source.time[0]:.0f} s of {log.name}, "
+            "in which a change is not seen; --fit LOG takes it from a sound log"
+        )
+    report(0.3, "computing the threshold")
+    block = monitor(
+        model,
+        candidates,
+        false_alarms_per_hour=false_alarms_per_hour,
+        period=period,
+        process_noise=noise.process,
+        measurement_noise=noise.measurement,
+        measured=channels,
+        lost_samples=channels,
+        motion=source.between(float(source.time[0]), float(source.time[0]) + MOTION),
+    )
+    report(1.0, "built")
+    rate = f"threshold for {false_alarms_per_hour:g} false alarms an hour; a tick each {1e3 * period:.4g} ms"
+    return Built(block, (where, noise.text(), rate))
+
+
+def channels_of(model: Craft, log: Log) -> list[str]:
+    """Return the measured channels that a monitor of a log uses."""
+    plant = model.plant()
+    if model.is_craft:
+        found = [name for name in POSE if log.has(name)]
+    else:
+        known = dict.fromkeys(s.name for s in (*plant.outputs, *plant.states))
+        inputs = {s.name for s in plant.inputs}
+        found = [name for name in known if log.has(name) and name not in inputs]
+    if not found:
+        names = [s.name for s in (plant.outputs or plant.states)]
+        raise InputError(f"monitor: log {log.name!r} has none of the measured channels {shown(names)}")
+    return found
+
+
+def period_of(log: Log, channels: Sequence[str]) -> float:
+    """Return the period of a monitor of a log [s]: that of its rows, or a multiple."""
+    seen = np.isfinite(log.stack(*channels)).any(axis=1)
+    steps = np.diff(log.time[seen])
+    if steps.size < 10:
+        raise InputError(f"monitor: log {log.name!r} has too few rows: expected more than 10")
+    step = float(np.median(steps))
+    step = float(f"{step:.6g}")
+    return step * max(1, int(np.ceil(SHORTEST_PERIOD / step - 1e-6)))

@@ -1,0 +1,214 @@
+"""Rows of a log to ticks of a monitor, one by one: a log that is read, or one that still grows.
+
+Row i belongs to the tick ``round((t_i - t_0)/T)`` of the period T. Ticks without a row are lost samples; of
+several rows at one tick each signal has the value nearest in time. Commands hold until the next one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hovercontrol.core.block import Block
+from hovercontrol.effects import effect_class, effect_names
+from hovercontrol.effects.base import resolved_unit
+from hovercontrol.errors import InputError
+
+#: Longest gap that is passed tick by tick [s]; after a longer one the monitor starts anew.
+LONGEST_GAP = 30.0
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Tick:
+    """What a monitor says at a tick.
+
+    Attributes
+    ----------
+    time : float
+        Time of the tick [s], on the clock of the rows.
+    values : ndarray
+        Outputs of the monitor, in its order.
+    """
+
+    time: float
+    values: Array
+
+
+class Feed:
+    """A monitor in machine code, fed with rows.
+
+    Parameters
+    ----------
+    block : Block
+        From :func:`~hovercontrol.monitor.monitor.monitor`.
+
+    Attributes
+    ----------
+    late : int
+        Rows left out because their time does not increase.
+    restarts : int
+        Starts anew after a gap of more than :data:`LONGEST_GAP`.
+    """
+
+    def __init__(self, block: Block) -> None:
+        if not is_monitor(block):
+            raise InputError(f"replay: {block.name!r} is not a monitor: expected a Block of hc.monitor")
+        self.block, self.late, self.restarts = block, 0, 0
+        self._compiled = block.compile()
+        self._period = float(block.period or 0.0)
+        inputs = [s.name for s in block.inputs]
+        self._places = {name: k for k, name in enumerate(inputs)}
+        self._fresh = {n: n.removeprefix("fresh_") for n in inputs if n == "fresh" or n.startswith("fresh_")}
+        self.measured = measured_of(block)
+        self.commands = [
+            n for n in inputs if n not in self.measured and n not in self._fresh and n != "reset"
+        ]
+        self._commanded = set(self.commands)
+        self._own = {key.rpartition(".")[2]: key for key in self._compiled.block.default_parameters}
+        self._own = {n: self._own[n] for n in candidates_in(block) if n in self._own}
+        self._bounds = {
+            key: (float(p.lower), float(p.upper))
+            for p in self._compiled.block.parameters
+            for key in self._own.values()
+            if p.name == key
+        }
+        self._params: dict[str, float] = {}
+        self._bias = dict.fromkeys(self.measured, 0.0)
+        self._last_row = -math.inf
+        self._reset = False
+        self._start_of: float | None = None
+        self._rows: dict[str, tuple[float, float]] = {}
+        self._later: dict[str, float] = {}
+        self._tick = 0
+
+    def reset(self) -> None:
+        """Restart the tests at the next tick."""
+        self._reset = True
+
+    def adopt(self, name: str, change: float) -> float:
+        """Put a change of an own coefficient, or a bias of a channel, into the monitor; others are left.
+
+        Returns
+        -------
+        float
+            The change, limited to the bounds of the coefficient.
+        """
+        if name.endswith("_bias") and name.removesuffix("_bias") in self._bias:
+            self._bias[name.removesuffix("_bias")] += change
+        elif name in self._own:
+            key = self._own[name]
+            lower, upper = self._bounds[key]
+            before = self._runner.params[key]
+            self._params[key] = min(max(before + change, lower), upper)
+            self._runner.set(params={key: self._params[key]})
+            return self._params[key] - before
+        return change
+
+    def rows(self, time: float, values: Mapping[str, float]) -> Iterator[Tick]:
+        """Take a row and give the ticks before it that are complete.
+
+        Parameters
+        ----------
+        time : float
+            Of the row [s].
+        values : mapping of str to float
+            Measured channels and commands by name; not a number where there is none.
+        """
+        if not time > self._last_row:
+            self.late += 1
+            return
+        if self._start_of is not None and time - self._last_row > LONGEST_GAP:
+            yield from self.end()
+            self._start_of, self.restarts = None, self.restarts + 1
+        self._last_row = time
+        if self._start_of is None:
+            self._begin(time, values)
+        assert self._start_of is not None
+        tick = round((time - self._start_of) / self._period)
+        while self._tick < tick:
+            yield self._step()
+        away = abs(time - self._start_of - tick * self._period)
+        for name, value in values.items():
+            if math.isfinite(value):
+                if name in self._commanded:
+                    self._later[name] = value
+                if name not in self._rows or away < self._rows[name][0]:
+                    self._rows[name] = (away, value)
+
+    def end(self) -> Iterator[Tick]:
+        """Give the tick of the last row."""
+        if self._start_of is not None and self._rows:
+            yield self._step()
+
+    def _begin(self, time: float, values: Mapping[str, float]) -> None:
+        estimates = {s.description.removeprefix("estimate of "): s.name for s in self._compiled.block.states}
+        at = {
+            estimates[name]: values[name] - self._bias[name]
+            for name in self.measured
+            if name in estimates and math.isfinite(values.get(name, math.nan))
+        }
+        self._start_of, self._tick, self._rows = time, 0, {}
+        self._later = {}
+        self._held = np.array([s.start for s in self.block.inputs])
+        for name, place in self._places.items():
+            if name in self.measured and name in values and math.isfinite(values[name]):
+                self._held[place] = values[name] - self._bias[name]
+        self._runner = self._compiled.start(at, self._params)
+
+    def _step(self) -> Tick:
+        for name, (_, value) in self._rows.items():
+            if name in self._places:
+                self._held[self._places[name]] = value - self._bias.get(name, 0.0)
+        for name, channel in self._fresh.items():
+            seen = channel in self._rows if name != "fresh" else all(n in self._rows for n in self.measured)
+            self._held[self._places[name]] = float(seen)
+        self._held[self._places["reset"]] = float(self._reset)
+        self._reset = False
+        assert self._start_of is not None
+        self._runner.set(inputs=self._held)
+        values = self._runner.outputs
+        self._runner.step(None, self._period)
+        time = self._start_of + self._tick * self._period
+        for name, value in self._later.items():
+            self._held[self._places[name]] = value
+        self._tick, self._rows, self._later = self._tick + 1, {}, {}
+        return Tick(time, values)
+
+
+def is_monitor(block: Block) -> bool:
+    """Return whether a Block has the signals of a monitor."""
+    outputs, inputs = {s.name for s in block.outputs}, {s.name for s in block.inputs}
+    return bool(block.period) and {"alarm", "effect", "evidence", "since"} <= outputs and "reset" in inputs
+
+
+def measured_of(block: Block) -> list[str]:
+    """Return the measured channels of a monitor."""
+    return [s.name.removeprefix("dead_") for s in block.outputs if s.name.startswith("dead_")]
+
+
+def candidates_in(block: Block) -> list[str]:
+    """Return the candidates of a monitor."""
+    return [s.name.removeprefix("possible_") for s in block.outputs if s.name.startswith("possible_")]
+
+
+def unit_of(block: Block, candidate: str) -> str:
+    """Return the unit of a candidate's coefficient."""
+    scale = {p.name.rpartition(".")[2]: p.unit for p in block.parameters}
+    if f"scale_{candidate}" in scale:
+        return scale[f"scale_{candidate}"]
+    inputs = {s.name: s.unit for s in block.inputs}
+    for cls in map(effect_class, effect_names()):
+        scaling = [k for k, n in cls.numbers.items() if not math.isnan(n.neutral)]
+        for key in scaling:
+            if candidate == cls.parameter(key) or (candidate == cls.name and len(scaling) == 1):
+                try:
+                    return resolved_unit(cls.numbers[key].unit, inputs)
+                except InputError:
+                    return cls.numbers[key].unit
+    return "1"

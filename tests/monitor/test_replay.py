@@ -1,0 +1,208 @@
+"""Logs of a cart in exact steps, replayed through a monitor: names, sizes, times, lost samples."""
+
+import json
+import math
+import threading
+from functools import cache
+
+import numpy as np
+import pytest
+from jsonschema import Draft202012Validator
+from scipy.linalg import expm
+
+import hovercontrol as hc
+from hovercontrol.errors import InputError
+from hovercontrol.monitor.alarms import Alarm
+from hovercontrol.monitor.follow import follow, growing_lines
+from hovercontrol.schema import schema
+
+PERIOD, DRAG, MASS, NOISE = 0.1, 0.5, 2.0, 0.01
+
+
+@pytest.fixture(scope="module")
+def watch():
+    p, v = hc.Signal("p", "m"), hc.Signal("v", "m/s")
+    F, m, c = hc.Signal("F", "N"), hc.Signal("m", "kg", start=MASS), hc.Signal("c", "1/s", start=DRAG)
+    slopes = {"p": v.symbol, "v": F.symbol / m.symbol - c.symbol * v.symbol}
+    cart = hc.Block("cart", [p, v], [F], [p, v], [m, c], slopes)
+    return hc.monitor(
+        cart, ["c", "p_bias"], false_alarms_per_hour=0.1, period=PERIOD, measured=["p"],
+        process_noise={"v": 0.01}, measurement_noise={"p": NOISE}, lost_samples=["p"],
+    )  # fmt: skip
+
+
+@cache
+def step(c):
+    """Return the exact solution over a tick, p and v by p, v and F."""
+    return expm(PERIOD * np.array([[0.0, 1.0, 0.0], [0.0, -c, 1.0 / MASS], [0.0, 0.0, 0.0]]))[:2]
+
+
+def log(seconds=60.0, *, seed=1, drag=0.0, bias=0.0, onset=30.0, start=0.0):
+    """Return a log of the cart, p and F; at the onset the drag and the sensor's bias grow."""
+    rng = np.random.default_rng(seed)
+    t = PERIOD * np.arange(round(seconds / PERIOD))
+    F = 2.0 * np.sign(np.sin(0.9 * t + 0.1))
+    x, p = np.zeros(2), []
+    for k, now in enumerate(t):
+        c = DRAG + (drag if now >= onset else 0.0)
+        p.append(x[0] + (bias if now >= onset else 0.0) + NOISE * rng.normal())
+        x = step(c) @ [*x, F[k]]
+    return hc.Log("cart.csv", start + t, {"p": np.array(p), "F": F})
+
+
+def changed(run, **columns):
+    return hc.Log(run.name, run.time, {**run.columns, **columns})
+
+
+def test_a_change_is_named_with_its_size_and_time(watch):
+    found = hc.replay(watch, log(drag=0.3))
+    (alarm,) = found.alarms  # it is put into the monitor, so that it is told once
+    assert (alarm.name, alarm.kind, alarm.unit, alarm.rivals) == ("c", "change", "1/s", ())
+    assert 30.0 < alarm.time < 34.0 and abs(alarm.since - 30.0) < 2.0
+    assert abs(alarm.change - 0.3) < 0.05 and 0 < alarm.std < 0.05
+    assert found.evidence["c"].max() > found.threshold > found.evidence["c"][found.time < 30.0].max()
+
+
+def test_a_bias_of_the_sensor_is_named_once(watch):
+    (alarm,) = hc.replay(watch, log(bias=0.2)).alarms
+    assert (alarm.name, alarm.kind, alarm.unit) == ("p_bias", "bias", "m")
+    assert abs(alarm.change - 0.2) < 0.03 and abs(alarm.since - 30.0) < 2.0
+
+
+def test_nothing_changed_is_one_line(watch):
+    found = hc.replay(watch, log())
+    assert found.alarms == () and found.text() == "cart.csv: nothing changed in 59.9 s"
+
+
+def test_lost_late_and_jittering_samples_are_no_alarm(watch, rng):
+    run = log()
+    p = np.where(rng.uniform(size=run.time.size) < 0.3, np.nan, run["p"])
+    jitter = hc.Log("cart.csv", run.time + rng.uniform(-0.004, 0.004, run.time.size), {"p": p, "F": run["F"]})
+    assert hc.replay(watch, jitter).alarms == ()
+    some = np.sort(rng.choice(run.time.size, 400, replace=False))
+    assert hc.replay(watch, run.select(some)).time[-1] == pytest.approx(run.time[some[-1]], abs=PERIOD)
+
+
+def test_a_silent_sensor_is_dead_from_its_last_sample_until_it_speaks(watch):
+    run = log()
+    silent = (run.time > 20.0) & (run.time < 24.05)
+    found = hc.replay(watch, changed(run, p=np.where(silent, np.nan, run["p"])))
+    (alarm,) = found.alarms
+    assert (alarm.kind, alarm.name) == ("dead", "p")
+    assert alarm.since == pytest.approx(20.0, abs=0.11) and alarm.last == pytest.approx(24.1, abs=0.11)
+    assert "no samples of p since 20" in found.text() and "until 24.1 s" in found.text()
+
+
+def test_after_a_long_gap_the_monitor_starts_anew(watch):
+    early, late = log(20.0), log(60.0, seed=2, drag=0.3, start=1e6)
+    both = hc.Log(
+        "cart.csv",
+        np.concatenate([early.time, late.time]),
+        {k: np.concatenate([early[k], late[k]]) for k in ("p", "F")},
+    )
+    found = hc.replay(watch, both)
+    assert found.restarts == 1 and found.time.size < 900
+    (alarm,) = found.alarms
+    assert alarm.name == "c" and abs(alarm.since - 1e6 - 30.0) < 2.0
+
+
+def lines_of(run, header="t_ms;pos;F"):
+    yield "# a comment\n"
+    yield f"{header}\n"
+    for t, p, F in zip(run.time.tolist(), run["p"].tolist(), run["F"].tolist(), strict=True):
+        yield f"{1000 * t:.1f};{100 * p!r};{F}\n"
+
+
+COLUMNS = {"time": "t_ms:ms", "p": "pos:cm"}
+
+
+def test_rows_as_they_come_say_what_the_replay_says(watch):
+    run = log(drag=0.3)
+    events = list(follow(watch, lines_of(run), COLUMNS, "a pipe", 5.0))
+    (alarm,) = hc.replay(watch, run).alarms
+    assert [e["event"] for e in events] == ["start", "alarm", "named", "end"]
+    assert events[0]["columns"] == ["time", "p", "F"] and events[1]["time"] == alarm.time
+    assert events[2]["name"] == "c" and events[2]["change"] == pytest.approx(alarm.change, rel=1e-6)
+    assert events[3]["alarms"] == 1
+    json.dumps(events, allow_nan=False)
+
+
+def test_an_alarm_comes_with_its_row_not_later(watch):
+    told = []
+
+    def rows():
+        for line in lines_of(log(drag=0.3)):
+            if told and told[-1]["event"] == "alarm":
+                return
+            last.append(line)
+            yield line
+
+    last = []
+    for event in follow(watch, rows(), COLUMNS, "a pipe", 5.0):
+        told.append(event)
+    when = next(e["time"] for e in told if e["event"] == "alarm")
+    assert float(last[-1].split(";")[0]) / 1000 - when < 2.5 * PERIOD
+
+
+def test_a_growing_file_is_read_to_its_last_whole_line(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text("time,p\n0.0,1")
+    found = growing_lines(path)
+    assert next(found) == "time,p\n"
+
+    def more():
+        with path.open("a") as file:
+            file.write(".5\n0.1,2\n")
+
+    timer = threading.Timer(0.15, more)
+    timer.start()
+    assert [next(found), next(found)] == ["0.0,1.5\n", "0.1,2\n"]
+    timer.join()
+    path.write_text("a\n")  # a new file of the same name
+    assert next(found) == "a\n"
+
+
+def test_bad_rows_are_counted_and_passed(watch):
+    rows = ["time,p,F\n", "0.0,0,0\n", "oops,0,0\n", "0.1,,0\n", "0.1,0,0\n", "0.2\n", "0.3,0,0\n"]
+    _, end = follow(watch, iter(rows), {}, "a pipe", 5.0)
+    assert (end["bad_rows"], end["late_rows"], end["alarms"]) == (1, 1, 0)
+
+
+def test_the_result_fits_its_schema_and_its_files(watch, tmp_path):
+    run = log(drag=0.3)
+    found = hc.replay(watch, changed(run, p=np.where(run.time > 55.0, np.nan, run["p"])))
+    files = {f.name for f in found.save(tmp_path / "out")}
+    assert files == {"result.json", "timeline.csv", "timeline.png", "timeline.svg"}
+    told = json.loads((tmp_path / "out" / "result.json").read_text())
+    check = Draft202012Validator(schema("monitor"))
+    assert list(check.iter_errors(told)) == [] and [a["kind"] for a in told["alarms"]] == ["change", "dead"]
+    assert told["alarms"][1]["change"] is None
+    table = np.genfromtxt(tmp_path / "out" / "timeline.csv", delimiter=",", names=True)
+    assert table["evidence_c"].size == told["ticks"]
+    assert "1/s" in found._repr_html_() and "no samples of p" in found._repr_html_()
+    axes = found.plot().axes
+    assert [label.get_text() for label in axes[1].get_yticklabels()] == ["c", "p"]
+
+
+def test_an_alarm_says_size_error_unit_and_rivals():
+    alarm = Alarm(31.2, "c", "change", -0.3123, 0.021, "1/s", 30.5, ("m",), 60.0, 36.2)
+    assert str(alarm) == "31.2 s: c changed by -0.312 +- 0.021 1/s since 30.5 s; or m"
+    assert math.isfinite(alarm.last)
+
+
+@pytest.mark.parametrize(
+    ("columns", "said"),
+    [({"p": "P"}, "no column 'P' for 'p' in its header"), ({"p": "pos:kg"}, "column 'p', read as 'kg'")],
+)
+def test_a_wrong_header_is_one_line(watch, columns, said):
+    with pytest.raises(InputError, match=said):
+        list(follow(watch, lines_of(log(1.0)), {"time": "t_ms:ms", **columns}, "a pipe", 5.0))
+
+
+def test_what_is_no_monitor_or_lacks_a_column_is_one_line(watch):
+    with pytest.raises(InputError, match="'gusts' is not a monitor"):
+        hc.replay(hc.Block("gusts"), log(1.0))
+    with pytest.raises(InputError, match=r"log 'cart\.csv' has no column 'F'"):
+        hc.replay(watch, hc.Log("cart.csv", [0.0, 0.1], {"p": [0.0, 0.0]}))
+    with pytest.raises(InputError, match="hold"):
+        hc.replay(watch, log(1.0), hold=0.0)
