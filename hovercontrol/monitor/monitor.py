@@ -33,7 +33,8 @@ from hovercontrol.io.tables import positive
 from hovercontrol.logs.log import Log
 from hovercontrol.models.interface import AnyModel, as_model
 from hovercontrol.monitor.candidates import candidates_of
-from hovercontrol.monitor.equations import Design, estimation_model, monitor_block
+from hovercontrol.monitor.design import Design, estimation_model
+from hovercontrol.monitor.equations import monitor_block
 from hovercontrol.monitor.motion import Motion, motion_of
 from hovercontrol.monitor.threshold import Signatures, floors, signatures_of, threshold_for
 from hovercontrol.simulation.sampled import Ticking
@@ -169,7 +170,7 @@ def monitor(
     )
     shown, floor = along_motion(design, path)
     signs = np.array([c.sign for c in found])
-    threshold = threshold_for(shown, floor, signs, wanted * tick / 3600.0)
+    threshold = threshold_for(shown, floor, signs, wanted * tick / 3600.0, rest=round(settle / tick))
     return monitor_block(design, threshold, list(floor))
 
 
