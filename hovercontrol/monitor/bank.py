@@ -60,6 +60,8 @@ class Bank:
         e, by measurement.
     rows : list of sympy.Matrix, shape (m, n)
         C Psi of each window.
+    bound : list of sympy.Expr
+        Square of the signature of each candidate if no terms cancelled: ``sum over i of (|C_i| |s|)^2``.
     """
 
     states: tuple[Signal, ...]
@@ -74,6 +76,7 @@ class Bank:
     A: sp.Matrix
     whitened: list[sp.Expr]
     rows: list[sp.Matrix]
+    bound: list[sp.Expr]
 
 
 def through(
@@ -232,7 +235,9 @@ def write_bank(
             earlier = taken[key.replace(f"[{w}", f"[{w - 1}", 1)] if w else taken[key]
             following[key] = sp.Piecewise((earlier, moved[w] > sp.S.Half), (value, True))
         before = values
+    size = C.applyfunc(sp.Abs)
+    bound = [sum((e**2 for e in size * s.applyfunc(sp.Abs)), sp.S.Zero) for s in columns]
     return Bank(
         tuple(states), following, score, information, age, signature, columns, beginnings, transitions, A,
-        seen, rows,
+        seen, rows, bound,
     )  # fmt: skip

@@ -71,7 +71,8 @@ def monitor_block(
     floors : sequence of float
         J0 of each candidate.
     signatures : bool, optional
-        Whether its outputs are the signatures ``eta[w,j,i]`` instead, for the computation of the threshold.
+        Whether its outputs are instead the signatures ``eta[w,j,i]``, by candidate, window and measurement,
+        and their bounds by candidate: for the computation of the threshold.
     """
     model, write, own = design.model, Equations(), _constants(design, threshold, floors)
     plant = model.plant.states
@@ -190,6 +191,7 @@ def _signature_outputs(bank: Bank) -> tuple[tuple[Signal, ...], dict[str, sp.Exp
         for w, etas in enumerate(mine)
         for i, e in enumerate(etas)
     }
+    shown |= {f"bound[{j}]": e for j, e in enumerate(bank.bound)}
     return tuple(Signal(key, "1", "signature") for key in shown), shown
 
 
