@@ -56,6 +56,12 @@ class Bank:
         s of each candidate, s(tau) by window and candidate, and Psi of each window, before this tick.
     A : sympy.Matrix, shape (n, n)
         Error after this tick's measurements by the error before.
+    whitened : list of sympy.Expr
+        e, by measurement.
+    rows : list of sympy.Matrix, shape (m, n)
+        C Psi of each window.
+    bound : list of sympy.Expr
+        Square of the signature of each candidate if no terms cancelled: ``sum over i of (|C_i| |s|)^2``.
     """
 
     states: tuple[Signal, ...]
@@ -68,10 +74,9 @@ class Bank:
     begun: list[list[sp.Matrix]]
     Psi: list[sp.Matrix]
     A: sp.Matrix
-
-    def error(self, j: int, w: int) -> sp.Matrix:
-        """Return the error d of the prediction by a change of candidate j, per theta, from window w."""
-        return self.columns[j] - self.Psi[w] * self.begun[w][j]
+    whitened: list[sp.Expr]
+    rows: list[sp.Matrix]
+    bound: list[sp.Expr]
 
 
 def through(
@@ -101,6 +106,8 @@ def write_bank(
     windows: int,
     first: int,
     hold: sp.Expr,
+    raised: sp.Expr,
+    best_window: sp.Expr,
 ) -> Bank:
     """Write the tests.
 
@@ -120,6 +127,9 @@ def write_bank(
         W, and the number of ticks after which window 0 begins anew.
     hold : sympy.Expr
         1 while no start is moved: after an alarm.
+    raised, best_window : sympy.Expr
+        1 at the tick of an alarm, and the number of the window that raised it. Window 0 begins anew then;
+        if it raised the alarm, window 1 takes over its start.
     """
     n, m, J = len(plant), len(steps), len(forced)
     root = [write.define(f"root_share[{i}]", sp.sqrt(s.share)) for i, s in enumerate(steps)]
@@ -147,9 +157,12 @@ def write_bank(
     for w in range(windows):
         cycle = first * 2**w
         rest = now - cycle * sp.floor(now / cycle)
-        moved.append(
-            write.define(f"moved[{w}]", sp.Piecewise((0, hold > sp.S.Half), (1, rest < sp.S.Half), (0, True)))
-        )
+        at_alarm = {
+            0: [(1, raised > sp.S.Half)],
+            1: [(1, sp.And(raised > sp.S.Half, best_window < sp.S.Half))],
+        }
+        pairs = [*at_alarm.get(w, []), (0, hold > sp.S.Half), (1, rest < sp.S.Half), (0, True)]
+        moved.append(write.define(f"moved[{w}]", sp.Piecewise(*pairs, evaluate=False)))
 
     columns, own, after = [], [], []
     for j in range(J):
@@ -173,6 +186,7 @@ def write_bank(
     signature: list[list[list[sp.Expr]]] = [[] for _ in range(J)]
     age: list[sp.Expr] = []
     transitions: list[sp.Matrix] = []
+    rows: list[sp.Matrix] = []
     beginnings: list[list[sp.Matrix]] = []
     before: dict[str, sp.Expr] = {}
     for w in range(windows):
@@ -184,6 +198,7 @@ def write_bank(
             ),
         )  # fmt: skip
         R = write.matrix(f"R_{w}", C * Psi)
+        rows.append(R)
         Psi_next = write.matrix(f"Psi_next_{w}", M * Psi)
         old = write.define(
             f"age_now[{w}]", state(f"age[{w}]", "1", f"ticks since the start of window {w}") + 1
@@ -220,6 +235,9 @@ def write_bank(
             earlier = taken[key.replace(f"[{w}", f"[{w - 1}", 1)] if w else taken[key]
             following[key] = sp.Piecewise((earlier, moved[w] > sp.S.Half), (value, True))
         before = values
+    size = C.applyfunc(sp.Abs)
+    bound = [sum((e**2 for e in size * s.applyfunc(sp.Abs)), sp.S.Zero) for s in columns]
     return Bank(
-        tuple(states), following, score, information, age, signature, columns, beginnings, transitions, A
-    )
+        tuple(states), following, score, information, age, signature, columns, beginnings, transitions, A,
+        seen, rows, bound,
+    )  # fmt: skip

@@ -17,6 +17,7 @@ from hovercontrol.core.signals import Signal
 from hovercontrol.estimators.ins.kalman import Equations
 from hovercontrol.monitor.bank import Bank
 from hovercontrol.monitor.candidates import Candidate
+from hovercontrol.monitor.refined import Refined, refine
 
 #: Likelihood ratio below which a rival is excluded.
 ERROR = 0.01
@@ -32,20 +33,22 @@ class Decision:
     values : dict of str to sympy.Expr
     alarm : sympy.Expr
         1 if a test has raised an alarm, at this tick or before.
-    shift : sympy.Matrix, shape (n, 1)
-        After an alarm, the error of the updated estimate by the named change.
+    refined : Refined
+        Estimate of the named change.
     """
 
     outputs: tuple[Signal, ...]
     values: dict[str, sp.Expr]
     alarm: sp.Expr
-    shift: sp.Matrix
+    refined: Refined
 
 
 def decide(
     write: Equations,
     candidates: Sequence[Candidate],
     bank: Bank,
+    plant: Sequence[Signal],
+    after: sp.Matrix,
     floors: Sequence[Signal],
     threshold: sp.Expr,
     latched: sp.Expr,
@@ -58,6 +61,8 @@ def decide(
 
     Parameters
     ----------
+    plant, after : sequence of Signal, and sympy.Matrix of shape (n, n)
+        States of the filter, and the covariance of its prediction at the next tick.
     floors : sequence of Signal
         J0 of each candidate.
     latched : sympy.Expr
@@ -81,6 +86,7 @@ def decide(
     alarm = write.define(
         "test_alarm", sp.Piecewise((1, sp.And(best > threshold, settled > sp.S.Half)), (latched, True))
     )
+    write.define("raised", sp.Piecewise((0, latched > sp.S.Half), (alarm, True)))
 
     def of_best(name: str, values: Sequence[sp.Expr]) -> sp.Expr:
         pairs = [(v, g >= best) for v, (g, _, _) in zip(values[:-1], every[:-1], strict=True)]
@@ -113,9 +119,7 @@ def decide(
         sp.Piecewise(*sensors, (which, told), (sp.S.Zero, True), evaluate=False),
     )
     output(Signal("evidence", "1", "largest g; alarm above the threshold"), best)
-    floor = sp.Max(info, 1e-300)
-    theta = write.define("theta", sp.Piecewise((b / floor, told), (0, True)))
-    spread = write.define("theta_std", sp.Piecewise((1 / sp.sqrt(floor), told), (0, True)))
+    refined = refine(write, bank, plant, which, alarm, b / sp.Max(info, 1e-300), best, after)
     scale = sp.Piecewise(
         *((sp.Float(c.scale), which < j + 1.5) for j, c in enumerate(candidates[:-1])),
         (sp.Float(candidates[-1].scale), True),
@@ -123,8 +127,11 @@ def decide(
     )
     size = write.define("scale", scale)
     text = "change of the named candidate's coefficient, in its SI unit"
-    output(Signal("change", "1", text), theta * size)
-    output(Signal("change_std", "1", "standard deviation of the change"), spread * sp.Abs(size))
+    output(Signal("change", "1", text), refined.theta * size)
+    output(
+        Signal("change_std", "1", "standard deviation of the change"),
+        sp.sqrt(sp.Max(0, refined.variance)) * sp.Abs(size),
+    )
     output(
         Signal("since", "s", "time since the estimated onset"),
         sp.Piecewise((age * period, told), (0, True)),
@@ -140,35 +147,4 @@ def decide(
         )
     for s, d in zip(channels, dead, strict=True):
         output(Signal(f"dead_{s.name}", "1", f"1 while no new sample of {s.name} comes"), d)
-    return Decision(tuple(outputs), values, alarm, _shift(write, bank, every, best, theta, told))
-
-
-def _shift(
-    write: Equations,
-    bank: Bank,
-    every: Sequence[tuple[sp.Expr, int, int]],
-    best: sp.Expr,
-    theta: sp.Expr,
-    told: sp.Expr,
-) -> sp.Matrix:
-    """Write the error of the updated estimate by the named change: ``theta A d``, zero before an alarm."""
-
-    def chosen(name: str, values: Sequence[sp.Expr]) -> sp.Expr:
-        pairs = [(v, g >= best) for v, (g, _, _) in zip(values, every, strict=True)]
-        return write.define(name, sp.Piecewise((0, sp.Not(told)), *pairs, (0, True), evaluate=False))
-
-    n = bank.A.rows
-    column = [chosen(f"named_s[{i}]", [bank.columns[j][i] for _, j, _ in every]) for i in range(n)]
-    begun = [chosen(f"named_begun[{i}]", [bank.begun[w][j][i] for _, j, w in every]) for i in range(n)]
-    moved = [
-        [(sum(P[i, k] * begun[k] for k in range(n)), sp.Symbol("best_window", real=True) < w + sp.S.Half)
-         for w, P in enumerate(bank.Psi)]
-        for i in range(n)
-    ]  # fmt: skip
-    d = sp.Matrix(
-        [
-            theta * (column[i] - sp.Piecewise((0, sp.Not(told)), *moved[i], (0, True), evaluate=False))
-            for i in range(n)
-        ]
-    )
-    return bank.A * write.matrix("named_error", d)
+    return Decision(tuple(outputs), values, alarm, refined)

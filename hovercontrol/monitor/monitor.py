@@ -33,13 +33,18 @@ from hovercontrol.io.tables import positive
 from hovercontrol.logs.log import Log
 from hovercontrol.models.interface import AnyModel, as_model
 from hovercontrol.monitor.candidates import candidates_of
-from hovercontrol.monitor.equations import Design, estimation_model, monitor_block
+from hovercontrol.monitor.design import Design, estimation_model
+from hovercontrol.monitor.equations import monitor_block
 from hovercontrol.monitor.motion import Motion, motion_of
 from hovercontrol.monitor.threshold import Signatures, floors, signatures_of, threshold_for
 from hovercontrol.simulation.sampled import Ticking
 
 #: Length of the shortest window [s]; the windows' lengths grow by factors of 2.
 SHORTEST = 0.25
+
+#: Part of its bound below which the square of a signature is rounding: the terms of an effect that the
+#: measured channels never show cancel up to 1e-32.
+CANCELLED = 1e-20
 
 #: Number of windows: the longest is 63 times as long as the shortest.
 WINDOWS = 6
@@ -169,7 +174,7 @@ def monitor(
     )
     shown, floor = along_motion(design, path)
     signs = np.array([c.sign for c in found])
-    threshold = threshold_for(shown, floor, signs, wanted * tick / 3600.0)
+    threshold = threshold_for(shown, floor, signs, wanted * tick / 3600.0, rest=round(settle / tick))
     return monitor_block(design, threshold, list(floor))
 
 
@@ -181,20 +186,25 @@ def along_motion(design: Design, path: Motion) -> tuple[Signatures, NDArray[np.f
     InputError
         If a candidate never shows along the motion.
     """
-    shown = signatures_of(_signatures(design, path), design.first)
-    floor = floors(shown)
+    eta, bound = _signatures(design, path)
+    shown = signatures_of(eta, design.first)
     measured = ", ".join(s.name for s in design.model.measured)
-    for c, J in zip(design.candidates, floor, strict=True):
-        if not J > 0.0:
+    for c, square, most in zip(
+        design.candidates, (eta**2).sum(axis=(0, 1, 3)), bound.sum(axis=0), strict=True
+    ):
+        if square <= CANCELLED * most:
             raise InputError(
                 f"{design.model.name}: candidate {c.name!r}: the measured channels {measured} never show it "
                 "along the motion"
             )
-    return shown, floor
+    return shown, floors(shown)
 
 
-def _signatures(design: Design, path: Motion) -> NDArray[np.float64]:
-    """Return the signatures along a motion after the filter has settled, shape (K, W, J, m)."""
+def _signatures(design: Design, path: Motion) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the signatures along a motion after the filter has settled, and their bounds.
+
+    Their shapes are (K, W, J, m) and (K, J).
+    """
     block = monitor_block(design, 1.0, [1.0] * len(design.candidates), signatures=True)
     run, names = Ticking(block), [s.name for s in (*design.model.measured, *design.model.plant.inputs)]
     others = {s.name: s.start for s in block.inputs if s.name not in names}
@@ -207,9 +217,10 @@ def _signatures(design: Design, path: Motion) -> NDArray[np.float64]:
                 ).values()
             )
         )
-    shape = (-1, len(design.candidates), design.windows, len(design.model.measured))
-    settled = min(round(design.settle / design.period), len(rows) // 2)
-    return np.array(rows[settled:]).reshape(shape).swapaxes(1, 2)
+    J = len(design.candidates)
+    settled = np.array(rows[min(round(design.settle / design.period), len(rows) // 2) :])
+    shape = (-1, J, design.windows, len(design.model.measured))
+    return settled[:, :-J].reshape(shape).swapaxes(1, 2), settled[:, -J:]
 
 
 def named_effects(block: Block) -> list[str]:

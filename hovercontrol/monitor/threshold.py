@@ -4,8 +4,9 @@ Without a change the whitened innovations e are independent N(0, 1), and each te
 of them: ``b = sum of eta e`` with the signatures eta along a motion. So ``Z = b/J^(1/2)`` of candidate j,
 window w and tick k is N(0, 1), and exceeds the threshold h, ``g = Z^2 J/(J + J0) > h``, with probability
 ``p_i = 2 Q((h (1 + J0/J))^(1/2))``, i = (j, w, k), Q the upper tail of the normal distribution (Q alone where
-theta has one sign). Exceedances come in clusters, one for each false alarm; N is their number in a cluster.
-The rate of clusters over a time T is exactly
+theta has one sign). An alarm is followed by a reset: exceedances whose windows began before it belong to it,
+and a later one raises the next alarm. With N the number of exceedances that belong to an alarm, the rate of
+alarms over a time T is exactly
 
     rate = 1/T  sum over i of p_i E[1/N | i exceeds]
 
@@ -26,14 +27,12 @@ from scipy.special import ndtr, ndtri
 
 Array = NDArray[np.float64]
 
-#: Draws for one rate; the relative standard error of the rate is about 2 %.
-DRAWS = 2000
+#: Draws in a set, and sets whose mean gives the threshold. The relative standard error of the rate is about
+#: 4 % for one set and 2 % for the mean.
+DRAWS, SETS = 2000, 4
 
 #: Share of the information that a motion brings in about a second, below which a window says little.
 FLOOR = 0.05
-
-#: Exceedances farther apart than this belong to different alarms [multiples of the longest window].
-APART = 1.5
 
 
 @dataclass(frozen=True)
@@ -89,6 +88,7 @@ def false_alarm_rate(
     signs: NDArray[np.int64],
     threshold: float,
     *,
+    rest: int = 0,
     draws: int = DRAWS,
     seed: int = 1,
 ) -> float:
@@ -101,10 +101,12 @@ def false_alarm_rate(
         As :attr:`.Candidate.sign`.
     threshold : float
         h.
+    rest : int, optional
+        Ticks after an alarm until the tests begin anew.
     draws, seed : int, optional
     """
-    K, W, J, m = found.eta.shape
-    longest = int((found.start[-1].max() * 0) + np.ptp(found.start[-1])) or K
+    K, _, _, m = found.eta.shape
+    longest = int(np.ptp(found.start[-1])) or K
     begin, end = min(longest, K // 3), K - min(longest, K // 3)
     rng = np.random.default_rng(seed)
     info = found.information[begin:end]
@@ -129,34 +131,54 @@ def false_alarm_rate(
         row = found.eta[ticks, slots, j[d]]
         row = row / np.sqrt((row**2).sum())
         noise[d, ticks] += (z[d] - (row * noise[d, ticks]).sum()) * row
-    reach = int(APART * longest)
-    b, count = np.zeros((draws, W, J)), np.zeros(draws)
-    most = threshold * (found.information + floor)
-    for tick in range(K):
-        b += np.tensordot(noise[:, tick], found.eta[tick], axes=(1, 2))
-        near = np.abs(begin + k - tick) <= reach
-        over = (b**2 > most[tick]) & (b * signs >= 0)
-        count += over.reshape(draws, -1).sum(axis=1) * near
-        b = np.where(
-            found.moved[tick][:, None], np.concatenate([np.zeros_like(b[:, :1]), b[:, :-1]], axis=1), b
-        )
+    count = _in_one_alarm(found, noise, signs, threshold * (found.information + floor), begin + k, rest)
     return total / (end - begin) * float(np.mean(1.0 / np.maximum(count, 1.0)))
 
 
-def threshold_for(found: Signatures, floor: Array, signs: NDArray[np.int64], rate: float) -> float:
+def _in_one_alarm(
+    found: Signatures, noise: Array, signs: NDArray[np.int64], most: Array, at: NDArray[np.int64], rest: int
+) -> Array:
+    """Return the number of exceedances in the alarm to which those at a tick belong, for each draw of noise.
+
+    An exceedance whose window began later than `rest` ticks after the last alarm raises the next alarm; any
+    other belongs to the last alarm, because a reset would have taken its samples away.
+    """
+    draws, (K, W, J, _) = len(at), found.eta.shape
+    b, count = np.zeros((draws, W, J)), np.zeros(draws)
+    last, ended = np.full(draws, -rest - 1), np.zeros(draws, bool)
+    for tick in range(K):
+        b += np.tensordot(noise[:, tick], found.eta[tick], axes=(1, 2))
+        over = (b**2 > most[tick]) & (b * signs >= 0)
+        if over.any():
+            fresh = (over.any(axis=2) & (found.start[tick] > last[:, None] + rest)).any(axis=1)
+            ended |= fresh & (at < tick)
+            count[fresh & ~ended] = 0.0
+            last[fresh] = tick
+            count += over.reshape(draws, -1).sum(axis=1) * ~ended
+        if found.moved[tick].any():
+            earlier = np.concatenate([np.zeros_like(b[:, :1]), b[:, :-1]], axis=1)
+            b = np.where(found.moved[tick][:, None], earlier, b)
+    return count
+
+
+def threshold_for(
+    found: Signatures, floor: Array, signs: NDArray[np.int64], rate: float, *, rest: int = 0
+) -> float:
     """Return the threshold with a rate of false alarms per tick.
 
-    The rate falls about as ``exp(-h/2)``; each step corrects h by that.
+    The rate falls about as ``exp(-h/2)``; each step corrects h by that. The last step takes the mean over
+    :data:`SETS` independent sets of draws.
     """
-    h = 2.0 * np.log(0.1 * found.eta.shape[1] * found.eta.shape[2] / rate)
-    slope = -0.5
+    h, slope = 2.0 * np.log(0.1 * found.eta.shape[1] * found.eta.shape[2] / rate), -0.5
     before: tuple[float, float] | None = None
     for _ in range(5):
-        now = float(np.log(max(false_alarm_rate(found, floor, signs, h), 1e-300)))
+        now = float(np.log(max(false_alarm_rate(found, floor, signs, h, rest=rest), 1e-300)))
         if before is not None and abs(h - before[0]) > 1e-9:
             slope = float(np.clip((now - before[1]) / (h - before[0]), -1.0, -0.2))
         step = (np.log(rate) - now) / slope
-        before, h = (h, now), h + step
-        if abs(step) < 0.02:
+        if abs(step) < 0.2:
             break
-    return float(h)
+        before, h = (h, now), h + step
+    sets = range(1, SETS + 1)
+    mean = np.mean([false_alarm_rate(found, floor, signs, h, rest=rest, seed=s) for s in sets])
+    return float(h + np.log(rate / mean) / slope)
