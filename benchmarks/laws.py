@@ -212,7 +212,7 @@ def results(seeds: range, jobs: int, only: str = "") -> Iterator[Row]:
 def main(show: Callable[[str], None] = print) -> None:
     parser = argparse.ArgumentParser("benchmarks.laws", description=__doc__.split("\n")[0])
     parser.add_argument("--seeds", type=int, default=10, help="runs of each law (default: 10)")
-    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--first", type=int, default=0, help="the first seed (default: 0)")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--only", default="", help="only laws whose name has this in it")
     parser.add_argument("--out", type=Path, help="CSV file")
