@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 
 from hovercontrol.effects import Effect, effect, effect_names
 from hovercontrol.logs import Log
+from hovercontrol.missing_physics.cases import gust
 from hovercontrol.models.model import Fan, Model
 
 from .disturbances import Disturbance, Drive, Motion, placed, unmet
@@ -43,7 +44,6 @@ from .generator import (
     craft,
     faulty,
     given,
-    gust,
     hidden,
 )
 from .windows import late, misfit
