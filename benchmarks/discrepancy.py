@@ -146,12 +146,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="benchmarks.discrepancy", description=__doc__.splitlines()[0])
     parser.add_argument("suite", choices=[*SUITES, "all"])
     parser.add_argument("--seeds", type=int, default=5, help="cases of each kind (default: 5)")
+    parser.add_argument("--first", type=int, default=0, help="the first seed (default: 0)")
     parser.add_argument("--jobs", type=int, default=2, help="processes (default: 2)")
     parser.add_argument("--only", default="", help="only cases whose name has this in it")
     parser.add_argument("--out", type=Path, help="CSV file; cases that are in it are not run again")
     given = parser.parse_args(arguments)
     suites = SUITES if given.suite == "all" else (given.suite,)
-    wanted = [k for s in suites for k in keys(s, given.seeds) if given.only in k.name]
+    wanted = [k for s in suites for k in keys(s, given.seeds, given.first) if given.only in k.name]
     if not wanted:
         parser.error(f"no case of {given.suite} has {given.only!r} in its name")
     asked = {(k.suite, k.name, k.seed) for k in wanted}

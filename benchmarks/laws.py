@@ -18,10 +18,11 @@ from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
-import sympy as sp
 
 import hovercontrol as hc
-from tests.discrepancy.generator import Conditions, changed, craft, given, simulated
+from hovercontrol.missing_physics.cases import with_rates
+from hovercontrol.missing_physics.machines import pendulum, ship
+from tests.discrepancy.generator import Conditions, craft, given, simulated
 
 Random = np.random.Generator
 
@@ -74,53 +75,15 @@ class Row:
         return f"{run} {size} {self.seconds:6.1f} s  {self.outcome}"
 
 
-def ship() -> hc.BlockModel:
-    """A ship that turns: sway and yaw by linear coefficients (Nomoto's two equations, with sway)."""
-    S = hc.Signal
-    psi, v, r, delta = (
-        S("psi", "rad"),
-        S("v", "m/s", nominal=0.3),
-        S("r", "rad/s", nominal=0.1),
-        S("rudder", "rad"),
-    )
-    numbers = (
-        ("yv", "1/s", 0.05),
-        ("yr", "m/s", 0.3),
-        ("yd", "m/s^2", 0.01),
-        ("nv", "1/m/s", 0.04),
-        ("nr", "1/s", 0.3),
-        ("nd", "1/s^2", 0.03),
-    )
-    p = {n: S(n, unit, start=start) for n, unit, start in numbers}
-    k = {n: s.symbol for n, s in p.items()}
-    return hc.BlockModel(
-        hc.Block(
-            "ship", [psi, v, r], [delta], [psi, v, r], list(p.values()),
-            {
-                "psi": r.symbol,
-                "v": -k["yv"] * v.symbol - k["yr"] * r.symbol + k["yd"] * delta.symbol,
-                "r": -k["nv"] * v.symbol - k["nr"] * r.symbol + k["nd"] * delta.symbol,
-            },
-        )
-    )  # fmt: skip
-
-
-def pendulum() -> hc.BlockModel:
-    """A driven pendulum."""
-    S = hc.Signal
-    q, w, tau = S("angle", "rad"), S("rate", "rad/s"), S("torque", "N m")
-    a, g = S("per_inertia", "1/kg/m^2", start=6.5, lower=0.0), S("gravity", "1/s^2", start=19.0)
-    viscous = S("viscous", "1/s", start=0.3, lower=0.0)
-    pull = a.symbol * tau.symbol - g.symbol * sp.sin(q.symbol) - viscous.symbol * w.symbol
-    return hc.BlockModel(
-        hc.Block("pendulum", [q, w], [tau], [q, w], [a, g, viscous], {"angle": w.symbol, "rate": pull})
-    )
+def slow_ship() -> hc.BlockModel:
+    """Return the ship of the public benchmark with the coefficients of a larger one."""
+    return ship().with_coefficients({"yv": 0.05, "yr": 0.3, "yd": 0.01, "nv": 0.04, "nr": 0.3, "nd": 0.03})
 
 
 #: Of each machine: the model, dt, rows, size of the commands, how long they hold [s], measurement noise,
 #: size of the process noise [unit of the state / s].
 BLOCKS = {
-    "ship": (ship, 0.1, 3000, 0.6, 20.0, {"psi": 2e-3, "v": 3e-3, "r": 1e-3}, {"v": 2e-4, "r": 1e-4}),
+    "ship": (slow_ship, 0.1, 3000, 0.6, 20.0, {"psi": 2e-3, "v": 3e-3, "r": 1e-3}, {"v": 2e-4, "r": 1e-4}),
     "pendulum": (pendulum, 0.02, 1500, 4.0, 0.8, {"angle": 1e-3, "rate": 5e-3}, {"rate": 0.1}),
 }
 
@@ -138,7 +101,7 @@ def block_case(planted: Planted, seed: int) -> tuple[hc.BlockModel, list[hc.Log]
     plant = truth.with_effects([truth.effect_class(planted.law)(value)]).plant(late=True)
     pushes = {name: hc.Signal(f"push_{name}", f"({plant.signal(name).unit})/s") for name in push}
     d = {**plant.derivatives, **{n_: plant.derivatives[n_] + s.symbol for n_, s in pushes.items()}}
-    run_block = changed(plant, d, inputs=tuple(pushes.values())).compile(friction="smooth")
+    run_block = with_rates(plant, d, inputs=tuple(pushes.values())).compile(friction="smooth")
     t = dt * np.arange(n)
 
     def log(name: str) -> hc.Log:
@@ -212,7 +175,7 @@ def results(seeds: range, jobs: int, only: str = "") -> Iterator[Row]:
 def main(show: Callable[[str], None] = print) -> None:
     parser = argparse.ArgumentParser("benchmarks.laws", description=__doc__.split("\n")[0])
     parser.add_argument("--seeds", type=int, default=10, help="runs of each law (default: 10)")
-    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--first", type=int, default=0, help="the first seed (default: 0)")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--only", default="", help="only laws whose name has this in it")
     parser.add_argument("--out", type=Path, help="CSV file")

@@ -124,7 +124,7 @@ class Diagnosis:
     trace : tuple of Decision
         Every decision of the search, in order.
     yardsticks : tuple of Yardstick
-        For each equation with a remainder: how much any law of one or two signals could still take.
+        For each equation with a remainder: how much any law of a few signals could still take.
 
     Examples
     --------
@@ -266,7 +266,7 @@ class Diagnosis:
         }
 
     def _predictable(self, equation: str) -> dict[str, Any] | None:
-        """Return how much any law of one or two signals could still take in an equation."""
+        """Return how much any law of a few signals could still take in an equation."""
         found = next((y for y in self.yardsticks if y.equation == equation), None)
         if found is None:
             return None

@@ -311,14 +311,15 @@ def with_rates(
     block: Block,
     rates: Mapping[str, sp.Expr],
     *,
+    states: Sequence[Signal] = (),
     inputs: Sequence[Signal] = (),
     parameters: Sequence[Signal] = (),
 ) -> Block:
-    """Return a Block with other derivatives, and further inputs and parameters."""
+    """Return a Block with other derivatives, and further states, inputs and parameters."""
     outputs = {s.name: block.output_expressions[s.name] for s in block.outputs}
     return Block(
         block.name,
-        block.states,
+        (*block.states, *states),
         (*block.inputs, *inputs),
         block.outputs,
         (*block.parameters, *parameters),

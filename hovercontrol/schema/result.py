@@ -120,9 +120,9 @@ class RemainderPlace(TypedDict):
 
 
 class Predictable(TypedDict):
-    """How much of what remains in an equation any law of one or two signals could take."""
+    """How much of what remains in an equation any law of one to three signals could take."""
 
-    signals: Annotated[list[str], "of which it is a function"]
+    signals: Annotated[list[str], "of which it is a function; of three: a sum of functions of each"]
     gain: Annotated[float, "in twice the log likelihood of left-out blocks"]
     share_named: Annotated[float, "of what these signals tell, the share that named effects have taken"]
 

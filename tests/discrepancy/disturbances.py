@@ -12,11 +12,9 @@ from numpy.typing import NDArray
 
 from hovercontrol.core.block import Block
 from hovercontrol.core.signals import Signal, time
+from hovercontrol.missing_physics.cases import with_rates
 
-from .generator import (
-    changed,
-    with_gusts,
-)
+from .generator import with_gusts
 
 Array = NDArray[np.float64]
 Random = np.random.Generator
@@ -68,7 +66,7 @@ def _patch(block: Block, values: Mapping[str, float], strength: float) -> Block:
     d = dict(block.derivatives)
     for axis in ("u", "v", "r"):
         d[axis] = d[axis] - drag * sp.Symbol(axis, real=True)
-    return changed(block, d, parameters=tuple(n.values()))
+    return with_rates(block, d, parameters=tuple(n.values()))
 
 
 def _resonance(block: Block, values: Mapping[str, float], strength: float) -> Block:
@@ -82,7 +80,7 @@ def _resonance(block: Block, values: Mapping[str, float], strength: float) -> Bl
     turning = -u * r if axis == "v" else v * r  # of the axes, no acceleration of the hull
     pull = w**2 * q + 2 * z * w * dq
     d |= {"load": dq, "load_rate": -pull - (d[axis] - turning), axis: d[axis] + n["gain"].symbol * pull}
-    return changed(block, d, states=(place, speed), parameters=tuple(n.values()))
+    return with_rates(block, d, states=(place, speed), parameters=tuple(n.values()))
 
 
 def _cable(block: Block, values: Mapping[str, float], strength: float) -> Block:
@@ -95,7 +93,7 @@ def _cable(block: Block, values: Mapping[str, float], strength: float) -> Block:
     d = dict(block.derivatives)
     d["u"] = d["u"] + pull * (sp.cos(psi) * dx + sp.sin(psi) * dy)
     d["v"] = d["v"] + pull * (-sp.sin(psi) * dx + sp.cos(psi) * dy)
-    return changed(block, d, parameters=tuple(n.values()))
+    return with_rates(block, d, parameters=tuple(n.values()))
 
 
 def _torque(block: Block, values: Mapping[str, float], strength: float) -> Block:
@@ -103,7 +101,7 @@ def _torque(block: Block, values: Mapping[str, float], strength: float) -> Block
     n = _numbers(values, strength, rate="rad/s", phase="rad", gain="rad/s^2")
     wave = sp.sin(n["rate"].symbol * time + n["phase"].symbol)
     d = {**block.derivatives, "r": block.derivatives["r"] + n["gain"].symbol * wave}
-    return changed(block, d, parameters=tuple(n.values()))
+    return with_rates(block, d, parameters=tuple(n.values()))
 
 
 def _bumps(block: Block, values: Mapping[str, float], strength: float) -> Block:
@@ -112,7 +110,7 @@ def _bumps(block: Block, values: Mapping[str, float], strength: float) -> Block:
     pushes = {a: Signal(f"bump_{a}", "rad/s^2" if a == "r" else "m/s^2") for a in ("u", "v", "r")}
     d = {a: block.derivatives[a] + n["gain"].symbol * s.symbol for a, s in pushes.items()}
     inputs = tuple(pushes.values())
-    return changed(block, {**block.derivatives, **d}, inputs=inputs, parameters=tuple(n.values()))
+    return with_rates(block, {**block.derivatives, **d}, inputs=inputs, parameters=tuple(n.values()))
 
 
 ADDED: dict[str, Callable[[Block, Mapping[str, float], float], Block]] = {

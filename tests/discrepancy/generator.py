@@ -19,6 +19,8 @@ from hovercontrol.core.block import Block
 from hovercontrol.core.signals import Signal, time
 from hovercontrol.effects import Effect, effect
 from hovercontrol.logs import Log
+from hovercontrol.missing_physics.cases import gust, steps, with_rates
+from hovercontrol.missing_physics.machines import MACHINES, rudder_craft
 from hovercontrol.models.model import Model
 
 from .closed import tracked
@@ -26,25 +28,15 @@ from .closed import tracked
 Array = NDArray[np.float64]
 Random = np.random.Generator
 
-#: Standard deviations of measurements: pose by cameras [m, rad], velocities by sensors [m/s, rad/s].
-NOISE = {"x": 1e-3, "y": 1e-3, "psi": 2e-3, "u": 5e-3, "v": 5e-3, "r": 1e-2}
-GUST = {"u": 0.05, "v": 0.05, "r": 0.15}  # m/s^2, m/s^2, rad/s^2
-GUST_SECONDS = 0.3
+#: Standard deviations of measurements: pose by cameras [m, rad], velocities by sensors [m/s, rad/s]; and of
+#: gusts [m/s^2, m/s^2, rad/s^2].
+NOISE, GUST = dict(MACHINES["rudder"].noise), MACHINES["rudder"].gusts
 
 
 def craft(rng: Random) -> Model:
     """Return a rudder craft with random coefficients and one random width of friction."""
     width = rng.uniform(2e-3, 1e-2)
-    typical = {
-        "surge_coulomb": 0.35,
-        "surge_linear_drag": 0.4,
-        "sway_coulomb": 0.3,
-        "sway_linear_drag": 0.9,
-        "yaw_coulomb": 0.6,
-        "yaw_linear_drag": 0.5,
-        "thrust": 0.75,
-        "rudder_torque": 2.5,
-    }
+    typical = {e.name: e.values["value"] for e in rudder_craft().effects}
     shape = {name: {"width": width} if name.endswith("coulomb") else {} for name in typical}
     return Model(
         "craft",
@@ -161,8 +153,8 @@ def hidden(name: str, rng: Random, model: Model, scale: float = 1.0) -> Effect:
 def rich(rng: Random, duration: float, dt: float) -> dict[str, Array]:
     """Return commands that excite all there is: random steps, thrust backward as well."""
     return {
-        "thrust": _steps(rng, duration, dt, (0.4, 2.0), (-1.5, 3.5)),
-        "rudder": _steps(rng, duration, dt, (0.3, 1.5), (-0.45, 0.45)),
+        "thrust": steps(rng, round(duration / dt), dt, (0.4, 2.0), (-1.5, 3.5)),
+        "rudder": steps(rng, round(duration / dt), dt, (0.3, 1.5), (-0.45, 0.45)),
     }
 
 
@@ -175,18 +167,6 @@ def mild(rng: Random, duration: float, dt: float) -> dict[str, Array]:
         "thrust": 1.2 + 0.5 * np.sin(w * t + a) + 0.2 * np.sin(2.3 * w * t + b),
         "rudder": 0.12 + 0.12 * np.sin(0.7 * w * t + c) + 0.05 * np.sin(1.9 * w * t + d),
     }
-
-
-def _steps(
-    rng: Random, duration: float, dt: float, hold: tuple[float, float], span: tuple[float, float]
-) -> Array:
-    values = np.zeros(round(duration / dt))
-    k = 0
-    while k < values.size:
-        count = max(1, int(rng.uniform(*hold) / dt))
-        values[k : k + count] = rng.uniform(*span)
-        k += count
-    return values
 
 
 @dataclass(frozen=True)
@@ -270,41 +250,10 @@ def faulty(log: Log, rng: Random, conditions: Conditions) -> Log:
     return Log(log.name, stamps[kept], {k: v[kept] for k, v in columns.items()})
 
 
-def gust(rng: Random, n: int, dt: float, size: float) -> Array:
-    """Return an Ornstein-Uhlenbeck process."""
-    fade = np.exp(-dt / GUST_SECONDS)
-    z = rng.normal(size=n)
-    values = [size * z[0]]
-    for fresh in z[1:]:
-        values.append(fade * values[-1] + size * np.sqrt(1 - fade**2) * fresh)
-    return np.array(values)
-
-
 def with_gusts(block: Block) -> Block:
     gusts = {axis: Signal(f"gust_{axis}", "rad/s^2" if axis == "r" else "m/s^2") for axis in GUST}
     added = {axis: block.derivatives[axis] + signal.symbol for axis, signal in gusts.items()}
-    return changed(block, {**block.derivatives, **added}, inputs=tuple(gusts.values()))
-
-
-def changed(
-    block: Block,
-    derivatives: dict[str, sp.Expr],
-    *,
-    states: Sequence[Signal] = (),
-    inputs: Sequence[Signal] = (),
-    parameters: Sequence[Signal] = (),
-) -> Block:
-    outputs = {s.name: block.output_expressions[s.name] for s in block.outputs}
-    return Block(
-        block.name,
-        (*block.states, *states),
-        (*block.inputs, *inputs),
-        block.outputs,
-        (*block.parameters, *parameters),
-        derivatives,
-        {name: e for name, e in outputs.items() if name not in derivatives},
-        block.definitions,
-    )
+    return with_rates(block, {**block.derivatives, **added}, inputs=tuple(gusts.values()))
 
 
 OUTSIDE = ("oscillator", "patch", "mass")
@@ -344,7 +293,7 @@ def outside(seed: int, kind: str, conditions: Conditions | None = None) -> Case:
         parameters = [rate]
     else:
         raise ValueError(kind)
-    block = changed(block, d, states=states, parameters=parameters)
+    block = with_rates(block, d, states=states, parameters=parameters)
     logs = [_run(block, rng, conditions, f"log {k + 1}") for k in range(conditions.logs)]
     return Case(given(model, rng), logs, _run(block, rng, conditions, "hold-out"), model, (kind,))
 

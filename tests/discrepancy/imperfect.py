@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 
 from hovercontrol.effects import Effect, effect, effect_names
 from hovercontrol.logs import Log
+from hovercontrol.missing_physics.cases import gust
 from hovercontrol.models.model import Fan, Model
 
 from .disturbances import Disturbance, Drive, Motion, placed, unmet
@@ -43,7 +44,6 @@ from .generator import (
     craft,
     faulty,
     given,
-    gust,
     hidden,
 )
 from .windows import late, misfit
@@ -311,9 +311,9 @@ CONDITIONS = {
 SUITES = tuple(CONDITIONS)
 
 
-def keys(suite: str, seeds: int) -> Iterator[Key]:
+def keys(suite: str, seeds: int, first: int = 0) -> Iterator[Key]:
     """Return the cases of a suite, seeds outermost, so that a run that is stopped has some of all."""
-    for seed in range(seeds):
+    for seed in range(first, first + seeds):
         if suite == "partial":
             for first, variant in ((seed, ""), (seed + 2, "pose")):
                 for k, name in zip(count(first), EFFECTS, strict=False):

@@ -15,6 +15,7 @@ import numpy as np
 import sympy as sp
 
 import hovercontrol as hc
+from hovercontrol.missing_physics.machines import pendulum as library_pendulum
 
 S = hc.Signal
 Rates = Callable[[np.ndarray, np.ndarray], np.ndarray]
@@ -87,11 +88,7 @@ def motor() -> Machine:
 
 def pendulum() -> Machine:
     """A pendulum with Coulomb friction in its bearing."""
-    q, w, tau = S("angle", "rad"), S("rate", "rad/s"), S("torque", "N m")
-    a, g = S("per_inertia", "1/kg/m^2", start=6.5, lower=0.0), S("gravity", "1/s^2", start=19.0)
-    viscous = S("viscous", "1/s", start=0.1, lower=0.0)
-    pull = a.symbol * tau.symbol - g.symbol * sp.sin(q.symbol) - viscous.symbol * w.symbol
-    model = _block("pendulum", [q, w], [tau], [q], [a, g, viscous], {"angle": w.symbol, "rate": pull})
+    model = library_pendulum().with_coefficients({"viscous": 0.1})
 
     def draw(truth: np.random.Generator) -> Callable[[np.random.Generator], hc.Log]:
         k, weight, c = truth.uniform(5.5, 7.5), truth.uniform(17, 21), truth.uniform(0.6, 1.2)

@@ -7,8 +7,9 @@ from hovercontrol.discrepancy.evidence.remainder import missing_forces, remainde
 from hovercontrol.discrepancy.search.base import base_fit
 from hovercontrol.estimation.data import gather
 from hovercontrol.estimation.noise import averaging_time
+from hovercontrol.missing_physics.cases import GUST_SECONDS
 
-from .generator import GUST, GUST_SECONDS, Conditions, make
+from .generator import GUST, Conditions, make
 
 SHORT = Conditions(duration=20.0, logs=1)
 

@@ -1,10 +1,11 @@
 """A flexible yardstick: how much *any* law of a few signals could take from what a model lacks.
 
-For each equation with a remainder the missing term is a sum of hat functions (linear splines) of a signal, or
-of products of hats of two signals. Their columns are whitened and multiplied like those of any candidate, and
-their gain is counted on blocks that did not choose their coefficients. Neither a name nor a law can take more
-than such a sum takes, up to its resolution and its cost in parameters; what process noise holds and no
-function of these signals predicts is not asked for.
+For each equation with a remainder the missing term is a sum of hat functions (linear splines) of a signal, of
+products of hats of two signals, or ``f(a) + g(b) + h(c)``, each of the three a sum of hats. Their
+columns are whitened and multiplied like those of any candidate, and their gain is counted on blocks that did
+not choose their coefficients. Neither a name nor a law of these signals can take more than such a sum takes,
+up to its resolution and its cost in parameters; what process noise holds and no function of these signals
+predicts is not asked for.
 """
 
 from __future__ import annotations
@@ -27,8 +28,11 @@ from hovercontrol.estimation.passes import products
 
 Array = NDArray[np.float64]
 
-#: Hats over one signal alone, and over each of two.
-KNOTS, KNOTS_OF_TWO = 7, 5
+#: Hats over one signal alone, and over each of two or three.
+KNOTS, KNOTS_OF_MORE = 7, 5
+
+#: Signals that take most alone, of which pairs and triples are tried.
+TOGETHER = 4
 
 #: Ridges on the coefficients of hats, as parts of the mean information on one; the best on left-out blocks.
 RIDGES = (1e-3, 1e-1, 1.0, 10.0)
@@ -44,10 +48,10 @@ class Yardstick:
     equation : str
         ``"r'"``.
     signals : tuple of str
-        The one or two signals whose functions take most.
+        The signals whose functions take most: one, two, or three whose functions are added.
     gain : float
         What functions of them gain in twice the log likelihood of blocks that did not choose them; zero if
-        nothing of what is missing is a function of one or two signals.
+        nothing of what is missing is such a function.
     at, force, std : ndarray, shape (k,)
         The missing term as a function of the first signal, and its standard error; in the signal's unit and
         the equation's.
@@ -127,23 +131,23 @@ class _Equation:
         }
 
     def result(self) -> Yardstick:
-        """Return the best functions of one or two signals."""
+        """Return the best functions of one, two or three signals."""
         alone = {n: self._gain([self._hats(n, KNOTS)]) for n in self.values}
         if not alone:
             return Yardstick(f"{self.equation}'", (), 0.0, np.zeros(0), np.zeros(0), np.zeros(0))
-        order = sorted(alone, key=lambda n: -alone[n][0])
-        best: tuple[str, ...] = order[:1]  # type: ignore[assignment]
-        gain = alone[order[0]][0]
-        for a, b in itertools.combinations(order[:4], 2):
-            one, two = self._hats(a, KNOTS_OF_TWO), self._hats(b, KNOTS_OF_TWO)
-            both = (one[:, None] * two[None]).reshape(-1, *one.shape[1:])
-            own = self._gain([both])[0]
-            if own > gain:
-                best, gain = (a, b), own
+        order = sorted(alone, key=lambda n: -alone[n][0])[:TOGETHER]
+        gains = {(n,): alone[n][0] for n in order}
+        few = {n: self._hats(n, KNOTS_OF_MORE) for n in order}
+        for a, b in itertools.combinations(order, 2):
+            both = (few[a][:, None] * few[b][None]).reshape(-1, *few[a].shape[1:])
+            gains[a, b] = self._gain([both])[0]
+        for three in itertools.combinations(order, 3):
+            gains[three] = self._gain([few[n] for n in three])[0]
+        best = max(gains, key=lambda names: gains[names])
         _, theta, C = alone[best[0]]
         at = self._knots(best[0], KNOTS)
         std = np.sqrt(np.maximum(np.diag(C), 0.0))
-        return Yardstick(f"{self.equation}'", tuple(best), max(float(gain), 0.0), at, theta, std)
+        return Yardstick(f"{self.equation}'", best, max(float(gains[best]), 0.0), at, theta, std)
 
     def _knots(self, name: str, count: int) -> Array:
         """Return knots at quantiles of a signal, from its 1 % to its 99 %."""

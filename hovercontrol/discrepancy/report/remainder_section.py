@@ -73,12 +73,13 @@ def _sizes(m: Context, missing: Sequence[Missing]) -> Table:
 
 
 def _laws(m: Context) -> Table | None:
-    """Return the table of what any law of one or two signals could still take; None if it is not asked."""
+    """Return the table of what any law of a few signals could still take; None if it is not asked."""
     d = m.diagnosis
     rows = []
     for y in d.yardsticks:
         taken = d.taken(y.equation)
-        told = f"any function of {listed(y.signals)}" if y.gain > 0.0 else "no function of one or two signals"
+        function = "a function of each of" if len(y.signals) > 2 else "any function of"
+        told = f"{function} {listed(y.signals)}" if y.gain > 0.0 else "no function of one to three signals"
         rows.append((prime(y.equation), told, rounded(y.gain), rounded(taken), percent(y.share(taken))))
     head = ("equation", "could still be told by", "gain", "gain of the named effects", "told")
     return table(head, rows) if rows else None
