@@ -9,6 +9,7 @@ that a disturbed plant does not call for an effect.
 from __future__ import annotations
 
 import json
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -28,7 +29,14 @@ from hovercontrol.fmi.replay.output_error import FmuFit, fit_fmu, refine
 from hovercontrol.fmi.replay.plant import FmuPlant
 from hovercontrol.fmi.replay.rows import Rows, trials_of
 from hovercontrol.fmi.replay.runs import RunFailed
-from hovercontrol.fmi.replay.start_values import around_json, save_around, save_copy, save_csv, save_ssv
+from hovercontrol.fmi.replay.start_values import (
+    around_json,
+    save_around,
+    save_copy,
+    save_corrected,
+    save_csv,
+    save_ssv,
+)
 from hovercontrol.fmi.replay.unknowns import Unknowns, estimated
 from hovercontrol.io.folders import write_folder
 from hovercontrol.io.plain_json import json_text, plain
@@ -69,6 +77,8 @@ class FmuCriteria:
     iterations: int = 15
 
 
+#: Name of the FMU with effects around it.
+CORRECTED = "corrected.fmu"
 #: The values in use.
 CRITERIA = FmuCriteria()
 
@@ -183,7 +193,12 @@ class FmuDiagnosis:
         return found
 
     def save(self, folder: str | Path) -> list[Path]:
-        """Write result.json, around.json, start_values.csv, start_values.ssv and a copy of the FMU."""
+        """Write result.json, around.json, start_values.csv, start_values.ssv and FMUs with the estimates.
+
+        A copy of the FMU has the estimates as start values. If effects were found, ``corrected.fmu`` has the
+        FMU inside and the effects around it (:func:`hovercontrol.fmi.corrected_fmu`). Without a C compiler
+        it is not written; a warning says so.
+        """
 
         def write(temporary: Path) -> None:
             text = json_text(self.result())
@@ -193,8 +208,13 @@ class FmuDiagnosis:
             save_csv(self.amended, temporary / "start_values.csv")
             save_ssv(self.amended, temporary / "start_values.ssv")
             save_copy(self.amended, temporary / self.model.path.name)
+            if self.amended.around.effects:
+                try:
+                    save_corrected(self.amended, temporary / CORRECTED)
+                except InputError as fault:  # what was found must not be lost for want of a compiler
+                    warnings.warn(f"{CORRECTED} was not written: {fault}", stacklevel=2)
 
-        return write_folder(folder, write)
+        return write_folder(folder, write, stale=(CORRECTED,))
 
 
 def diagnose_fmu(
@@ -239,7 +259,7 @@ def diagnose_fmu(
     signals = (*model.outputs, *model.states)
     channels = [signals[i].name for i in rows[0].places]
     remains = tuple(c for c, n in zip(channels, now.whitening.orders, strict=True) if n)
-    warnings = ("a held-out log is predicted worse with the effects",) if worse and named else ()
+    said_of = ("a held-out log is predicted worse with the effects",) if worse and named else ()
     report(1.0, "done")
     return FmuDiagnosis(
         _verdict(named, remains, worse),
@@ -253,7 +273,7 @@ def diagnose_fmu(
         after,
         base,
         now,
-        warnings,
+        said_of,
     )
 
 

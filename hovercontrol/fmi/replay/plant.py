@@ -25,12 +25,15 @@ from hovercontrol.fmi.importer.unpacked import Source, open_source
 from hovercontrol.fmi.importer.values import checked_name
 from hovercontrol.fmi.replay.added import Added
 from hovercontrol.fmi.replay.runs import RunFailed, Runs
-from hovercontrol.fmi.replay.signals import through
+from hovercontrol.fmi.replay.signals import driven, through
 
 Array = NDArray[np.float64]
 
 #: Longest step of Model Exchange, and of Co-Simulation where the FMU names none [s].
 STEP = 0.01
+
+#: Parts of the time between two rows in which an input that is lagged before a Model Exchange FMU is held.
+FINE = 4
 
 
 @dataclass(frozen=True)
@@ -244,9 +247,14 @@ class FmuPlant:
             If the FMU refuses, crashes, hangs, or answers a value that is not a number.
         """
         before, _, added = structure(self.around)
-        u = inputs if before is None else through(before, self._numbers(before), time, inputs, held=True)
         numbers = [self._numbers(block) for _, block in added.blocks] if added else []
-        found = self.runs.run(time, u, self._in_order(), states, self.pieces_of(time), added, numbers)
+        grid, u, places, pieces = time, inputs, np.arange(len(time)), self.pieces_of(time)
+        if before is not None and self.interface.kind == "ModelExchange":
+            grid, u, places = driven(before, self._numbers(before), time, inputs, FINE)
+            pieces = max(1, math.ceil(pieces / FINE)) if before.states else pieces
+        elif before is not None:
+            u = through(before, self._numbers(before), time, inputs, held=True)
+        found = self.runs.run(grid, u, self._in_order(), states, pieces, added, numbers)[places]
         if not np.isfinite(found).all():
             row, column = np.argwhere(~np.isfinite(found))[0]
             name = (*self.outputs, *self.states)[column].name

@@ -48,6 +48,52 @@ def through(block: Block, parameters: Sequence[float], time: Array, u: Array, *,
     return np.stack([np.broadcast_to(y, time.shape) for y in found], axis=1).astype(float)
 
 
+def driven(
+    block: Block, parameters: Sequence[float], time: Array, u: Array, fine: int
+) -> tuple[Array, Array, NDArray[np.intp]]:
+    """Return what a continuous system gets through a Block before it, held over intervals that are short enough.
+
+    Inputs that act late change at the times at which they arrive; those are added to the grid. The outputs of
+    a Block with states change between the rows: each interval is divided, and the output in the middle of
+    each part is held over it, which errs with the square of its length.
+
+    Parameters
+    ----------
+    block : Block
+    parameters : sequence of float
+        Values of all its parameters, in order.
+    time : ndarray, shape (K,)
+        [s]
+    u : ndarray, shape (K, n_inputs)
+        Held from row to row.
+    fine : int
+        Parts of an interval, for a Block with states.
+
+    Returns
+    -------
+    grid : ndarray, shape (M,)
+        [s]
+    given : ndarray, shape (M, n_outputs)
+    places : ndarray of int, shape (K,)
+        Of the rows in the grid.
+    """
+    late, block = delay_of(block, parameters), _prompt(block)
+    grid = time
+    if late:
+        changed = np.flatnonzero((u[1:] != u[:-1]).any(axis=1)) + 1
+        arrivals = time[changed] + late
+        grid = np.union1d(time, arrivals[arrivals < time[-1]])
+        u = u[np.append(0, changed)[np.searchsorted(arrivals, grid, side="right")]]
+    if not block.states:
+        return grid, through(block, parameters, grid, u, held=True), np.searchsorted(grid, time)
+    at = np.arange(2 * fine * (len(grid) - 1) + 1) / (2 * fine)
+    halves = np.interp(at, np.arange(len(grid)), grid)
+    held = np.repeat(u, 2 * fine, axis=0)[: len(halves)]
+    found = through(block, parameters, halves, held, held=True)
+    given = np.vstack([found[1::2], found[-1:]])
+    return halves[::2], given, fine * np.searchsorted(grid, time)
+
+
 def delay_of(block: Block, parameters: Sequence[float]) -> float:
     """Return how late a Block's inputs act [s]; all by the same time."""
     if not block.delays:

@@ -13,6 +13,7 @@ from xml.parsers import expat
 
 from hovercontrol.errors import InputError
 from hovercontrol.fmi.around import Around
+from hovercontrol.fmi.corrected.corrected import corrected_fmu
 from hovercontrol.fmi.replay.plant import FmuPlant
 from hovercontrol.fmi.ssp import SSV
 from hovercontrol.io.files import write_atomically
@@ -62,6 +63,25 @@ def save_copy(plant: FmuPlant, path: str | Path) -> Path:
                 new.writestr(info, described(data, changed) if info.filename == _DESCRIPTION else data)
 
     return write_atomically(path, write)
+
+
+def save_corrected(plant: FmuPlant, path: str | Path) -> Path:
+    """Write an FMU with the given one inside, its effects around it and the values as start values.
+
+    Raises
+    ------
+    InputError
+        If it cannot be built; see :func:`hovercontrol.fmi.corrected_fmu`.
+    """
+    around = plant.around
+    return corrected_fmu(
+        plant.path,
+        path,
+        before=around.before,
+        after=around.after,
+        added=around.added,
+        start=_changed(plant),
+    )
 
 
 def save_around(around: Around, path: str | Path) -> Path:
