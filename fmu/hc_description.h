@@ -7,6 +7,8 @@
 #ifndef HC_DESCRIPTION_H
 #define HC_DESCRIPTION_H
 
+#include <stddef.h>
+
 #include "hc_options.h"
 
 typedef struct {
@@ -20,6 +22,9 @@ typedef struct {
     const double *nominal;       /* of the states */
     double rtol, atol;           /* of the Co-Simulation solver; atol is times nominal. An importer's tolerance
                                     replaces rtol and scales atol with it. */
+    size_t n_arrays;             /* of FMI 3 */
+    const unsigned *array_first; /* value reference of the first element; ascending */
+    const unsigned *array_size;  /* elements; their value references follow the first */
 } hc_description_type;
 
 extern const hc_description_type hc_description;

@@ -125,6 +125,7 @@ void hc_instance_free(hc_instance *c)
     hc_delays_free(c->delays);
 #endif
     free(c->initial);
+    free(c->expanded);
     free(c->told);
     free(c->name);
     free(c->mode);

@@ -83,6 +83,8 @@ typedef struct {
     int changed_before; /* the same at the last step */
     int event;         /* the solver's last step ended at an event */
     double *initial;   /* the state of a new instance */
+    unsigned *expanded; /* work space of FMI 3: value references with arrays as their elements, of several lists */
+    size_t n_expanded;
     char *told;        /* 1: a value out of bounds was logged; states, inputs, parameters */
 } hc_instance;
 

@@ -253,6 +253,7 @@ class Backends:
         rtol: float = 1e-6,
         atol: float = 1e-9,
         model_name: str = "",
+        arrays: bool = True,
         progress: Callable[[float], None] | None = None,
     ) -> Path:
         """Write the Block as an FMU, Model Exchange and Co-Simulation in one file.
@@ -264,7 +265,7 @@ class Backends:
         ----------
         path : path
             Ends in ``.fmu``.
-        version, platforms, friction, step, stop, rtol, atol, model_name, progress
+        version, platforms, friction, step, stop, rtol, atol, model_name, arrays, progress
             As for :func:`hovercontrol.fmi.exporter.export.export_fmu`.
         """
         from hovercontrol.fmi.exporter.export import export_fmu
@@ -280,6 +281,7 @@ class Backends:
             rtol=rtol,
             atol=atol,
             model_name=model_name,
+            arrays=arrays,
             progress=progress,
         )
 

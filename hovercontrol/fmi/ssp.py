@@ -126,8 +126,9 @@ def _from_block(
     interface = Interface(block)
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "part.fmu"
+        # SSP 1.0 has no connectors and no parameters that are arrays.
         content = export_fmu(
-            block, file, version=version, platforms=platforms, step=step, stop=stop
+            block, file, version=version, platforms=platforms, step=step, stop=stop, arrays=False
         ).read_bytes()
     values = {v.name: v.start for v in interface.of("parameter") if v.start is not None}
     inputs, outputs = interface.of("input"), interface.outputs

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import hovercontrol
+from hovercontrol.fmi.exporter.arrays import ELEMENTS, Array, as_one
 from hovercontrol.fmi.exporter.sources import Version
 from hovercontrol.fmi.exporter.structure import Structure, Unknown
 from hovercontrol.fmi.exporter.units import DEGREES, Unit
@@ -117,9 +118,14 @@ def model_description(
     times = {key: _text(value) for key, value in numbers.items()}
     SubElement(root, "DefaultExperiment", times | {"stepSize": _text(experiment.step)})
     variables = SubElement(root, "ModelVariables")
-    write = _variable_2 if version == 2 else _variable_3
+    arrays = {v.reference: a for a in interface.arrays for v in a.elements}
     for v in listed:
-        write(variables, v, types)
+        if version == 2:
+            _variable_2(variables, v, types)
+        elif v.reference not in arrays:
+            _variable_3(variables, v, types)
+        elif v.reference == arrays[v.reference].reference:
+            _array(variables, arrays[v.reference], types)
     _structure(SubElement(root, "ModelStructure"), interface, version)
     return xml_bytes(root)
 
@@ -190,7 +196,7 @@ def _head(v: Variable) -> dict[str, str]:
 
 
 def _value(v: Variable, types: dict[Unit | None, str], number: Callable[[float], str]) -> dict[str, str]:
-    found = {"declaredType": types[v.unit]} if v.kind != "event" else {}
+    found = {"declaredType": types[v.unit]} if v.unit or v.kind == "mode" else {}
     found |= _unit(v.unit) if v.unit else {}
     found |= {"min": number(v.lower)} if math.isfinite(v.lower) else {}
     found |= {"max": number(v.upper)} if math.isfinite(v.upper) else {}
@@ -198,7 +204,7 @@ def _value(v: Variable, types: dict[Unit | None, str], number: Callable[[float],
     return found | ({"start": number(v.start)} if v.start is not None else {})
 
 
-def _variable_3(parent: Element, v: Variable, types: dict[Unit | None, str]) -> None:
+def _variable_3(parent: Element, v: Variable, types: dict[Unit | None, str]) -> Element:
     whole = v.kind == "mode"
     element = SubElement(parent, "Int32" if whole else "Float64", _head(v))
     element.attrib |= _value(v, types, (lambda x: str(int(x))) if whole else _text)
@@ -206,6 +212,19 @@ def _variable_3(parent: Element, v: Variable, types: dict[Unit | None, str]) -> 
         element.set("derivative", str(v.derivative_of))
     if v.reinit:
         element.set("reinit", "true")
+    return element
+
+
+def _array(parent: Element, array: Array, types: dict[Unit | None, str]) -> None:
+    element = _variable_3(parent, as_one(array), types)
+    if element.get("start"):
+        element.set("start", " ".join(_text(v.start or 0.0) for v in array.elements))
+    annotation = SubElement(SubElement(element, "Annotations"), "Annotation", type=ELEMENTS)
+    for v in array.elements:
+        about = {"name": v.name, "unit": v.unit.name if v.unit else "", "description": v.description}
+        SubElement(annotation, "Element", {key: text for key, text in about.items() if text})
+    for n in array.shape:
+        SubElement(element, "Dimension", start=str(n))
 
 
 def _variable_2(parent: Element, v: Variable, types: dict[Unit | None, str]) -> None:
@@ -234,7 +253,7 @@ def _structure(parent: Element, interface: Interface, version: Version) -> None:
             "EventIndicator": [_without(u, held) for u in structure.events],
         }
         for name, found in lists.items():
-            for u in found:
+            for u in _by_array(found, interface):
                 SubElement(parent, name, {"valueReference": str(u.reference)} | _knowns(u, {}))
         return
     index = {v.reference: k for k, v in enumerate((v for v in interface.variables if v.kind != "event"), 1)}
@@ -249,6 +268,20 @@ def _structure(parent: Element, interface: Interface, version: Version) -> None:
             element = SubElement(parent, name)
             for u in found:
                 SubElement(element, "Unknown", {"index": str(index[u.reference])} | _knowns(u, index))
+
+
+def _by_array(found: Iterable[Unknown], interface: Interface) -> Iterable[Unknown]:
+    """Yield unknowns of FMI 3: an array depends on all that its elements depend on."""
+    arrays = {v.reference: a.reference for a in interface.arrays for v in a.elements}
+    merged: dict[int, dict[int, str]] = {}
+    for u in found:
+        reference = arrays.get(u.reference, u.reference)
+        kinds = merged.setdefault(reference, {})
+        for known, kind in u.knowns:
+            of_array = known in arrays or u.reference in arrays
+            kinds[arrays.get(known, known)] = "dependent" if of_array else kind
+    for reference, kinds in merged.items():
+        yield Unknown(reference, tuple(sorted(kinds.items())))
 
 
 def _without(u: Unknown, left_out: set[int]) -> Unknown:

@@ -45,6 +45,7 @@ def export_fmu(
     atol: float = 1e-9,
     description: str = "",
     model_name: str = "",
+    arrays: bool = True,
     progress: Callable[[float], None] | None = None,
 ) -> Path:
     """Write a Block as an FMU; ``block.to_fmu(path)`` does the same.
@@ -74,6 +75,9 @@ def export_fmu(
         What the model is, in a sentence.
     model_name : str, optional
         What tools show as the model's name (default: the Block's name). Files keep the Block's name.
+    arrays : bool, optional
+        Whether FMI 3 lists vectors and matrices (``P[0,0]``, ``P[0,1]``, ...) as array variables. False:
+        every element is a variable, as in FMI 2, for importers that take no arrays.
     progress : callable, optional
         Called with the completed fraction, 0 to 1.
 
@@ -103,7 +107,7 @@ def export_fmu(
     if version not in (2, 3):
         raise InputError(f"FMI version must be 2 or 3, found {version!r}")
     wanted = chosen_platforms(platforms)
-    interface = Interface(block, friction)
+    interface = Interface(block, friction, arrays=arrays)
     experiment = _experiment(step, stop, rtol, atol, ticks=bool(interface.block.ticks))
     check_folder(target.parent)
     report = progress or (lambda done: None)

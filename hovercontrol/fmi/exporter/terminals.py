@@ -54,11 +54,13 @@ def terminals(interface: Interface) -> bytes:
         groups.setdefault(f"{name}_out" if name in read else name, []).append(v)
     if groups:
         parent = SubElement(root, "Terminals")
+        arrays = {v.reference: a for a in interface.arrays for v in a.elements}
         for name, members in groups.items():
+            listed = [arrays[v.reference].name if v.reference in arrays else v.name for v in members]
             text = _TEXTS.get(name.removesuffix("_out"), "")
             terminal = SubElement(parent, "Terminal", name=name, matchingRule="bus", description=text)
-            for v in members:
-                about = {"variableName": v.name, "memberName": v.name, "variableKind": "signal"}
+            for member in dict.fromkeys(listed):
+                about = {"variableName": member, "memberName": member, "variableKind": "signal"}
                 SubElement(terminal, "TerminalMemberVariable", about)
     return xml_bytes(root)
 

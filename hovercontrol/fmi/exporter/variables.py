@@ -19,6 +19,7 @@ from hovercontrol.core.block import Block
 from hovercontrol.core.friction import DryFriction, Friction, dry_frictions
 from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
+from hovercontrol.fmi.exporter.arrays import Array, arrays_of
 from hovercontrol.fmi.exporter.units import Unit, fmi_unit
 
 Kind = Literal["time", "state", "derivative", "input", "parameter", "output", "event", "mode"]
@@ -57,6 +58,8 @@ class Interface:
     block : Block
         A sampled Block is replaced by an equivalent hybrid Block.
     friction : {"events", "smooth"}
+    arrays : bool, optional
+        Whether FMI 3 lists vectors and matrices as arrays.
 
     Raises
     ------
@@ -70,7 +73,7 @@ class Interface:
     ['time', 'x', 'y', 'psi']
     """
 
-    def __init__(self, block: Block, friction: Friction = "smooth") -> None:
+    def __init__(self, block: Block, friction: Friction = "smooth", *, arrays: bool = True) -> None:
         if friction not in ("events", "smooth"):
             raise InputError(f"friction must be 'events' or 'smooth', found {friction!r}")
         if not block.outputs and not block.states:
@@ -85,6 +88,7 @@ class Interface:
         sizes += (len(self.frictions),) * 2
         self._first = [sum(sizes[:k]) for k in range(len(sizes))]
         self._taken: set[str] = set()
+        self._with_arrays = arrays
 
     def first(self, kind: Kind) -> int:
         """Return the value reference of the first variable of a kind."""
@@ -112,6 +116,11 @@ class Interface:
     def variables(self) -> tuple[Variable, ...]:
         """The listed variables by value reference; an output equal to the state of its name is that state."""
         return tuple(self._listed())
+
+    @cached_property
+    def arrays(self) -> tuple[Array, ...]:
+        """The arrays of FMI 3, by value reference; FMI 2 has scalars only."""
+        return arrays_of(self.variables) if self._with_arrays else ()
 
     def of(self, *kinds: Kind) -> tuple[Variable, ...]:
         """Return the listed variables of some kinds."""

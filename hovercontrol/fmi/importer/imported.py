@@ -23,7 +23,7 @@ from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
 from hovercontrol.fmi.importer.follow import Follower, Parameters
 from hovercontrol.fmi.importer.instance import Engine, FmuError, Instance
-from hovercontrol.fmi.importer.interface import Interface, Kind
+from hovercontrol.fmi.importer.interface import Interface, Kind, units_and_descriptions
 from hovercontrol.fmi.importer.unpacked import Source, Unpacked, digest_of, open_source
 from hovercontrol.fmi.importer.values import (
     InputCheck,
@@ -234,10 +234,10 @@ class FmuSystem(control.NonlinearIOSystem):
         # Set past python-control's check, which takes no dots.
         self.input_index = {label: i for i, label in enumerate(inputs)}
         self.output_index = {label: i for i, label in enumerate(outputs)}
-        self.units = {label: v.unit for v in signals for label in v.labels}
-        self.units |= {key: v.unit for key, (v, _) in self._keys.items()}
-        self.descriptions = {label: v.description for v in signals for label in v.labels}
-        self.descriptions |= {key: v.description for key, (v, _) in self._keys.items()}
+        units, descriptions = units_and_descriptions(signals)
+        of_keys, texts_of_keys = units_and_descriptions(interface.parameters, self._keys)
+        self.units = units | of_keys
+        self.descriptions = descriptions | texts_of_keys
         spread = {v.name: v.labels for v in interface.inputs}
         self.feedthrough = {
             label: tuple(i for name in interface.feedthrough[v.name] for i in spread[name])

@@ -21,6 +21,7 @@ from fmpy.model_description import (  # type: ignore[import-untyped]
 )
 
 from hovercontrol.errors import InputError
+from hovercontrol.fmi.exporter.arrays import ELEMENTS
 from hovercontrol.fmi.importer.archive import Header
 
 #: The smallest and largest value of each type that is a whole number; FMI 2 has 32 bits.
@@ -34,6 +35,8 @@ WORDS = {"CoSimulation": "Co-Simulation", "ModelExchange": "Model Exchange"}
 MOST_ELEMENTS = 100_000
 #: Items of an enumeration that an error line names.
 MOST_ITEMS = 8
+#: Name, unit and description of each element, by the array's name.
+Elements = dict[str, list[tuple[str, str, str]]]
 
 
 @dataclass(frozen=True)
@@ -43,7 +46,10 @@ class Variable:
     Attributes
     ----------
     labels : tuple of str
-        One per element in FMI's order (the last index runs fastest): ``name``, ``name[1]``, ``name[2,1]``.
+        One per element in FMI's order (the last index runs fastest): ``name``, ``name[1]``, ``name[2,1]``; of
+        our own exports the names that the elements have in the Block.
+    units, descriptions : tuple of str
+        One per element.
     kind : str
         The type whose functions get and set it: ``Real``, ``Integer``, ``Boolean`` (FMI 2), ``Float64``, ...
     items : tuple of (int, str)
@@ -57,8 +63,8 @@ class Variable:
     kind: str
     labels: tuple[str, ...]
     start: tuple[float, ...]
-    unit: str
-    description: str
+    units: tuple[str, ...]
+    descriptions: tuple[str, ...]
     items: tuple[tuple[int, str], ...] = ()
     discrete: bool = False
 
@@ -162,9 +168,10 @@ def read_interface(
     except Exception as error:  # FMPy raises what its parser and its own look-ups raise
         raise InputError(f"{where}: modelDescription.xml cannot be read: {_first([str(error)])}") from None
     try:
-        found = _interface(described, int(version[0]), where, kind, findings)
+        root = ElementTree.parse(path).getroot()
+        found = _interface(described, int(version[0]), where, kind, findings, _own_elements(root))
         # FMPy 0.3.32 reads FMI 2's attribute alone.
-        element = ElementTree.parse(path).getroot().find(found.kind)
+        element = root.find(found.kind)
         ability = None if element is None else element.get("providesDirectionalDerivatives")
         return replace(found, directional=True) if ability in ("true", "1") else found
     except InputError:
@@ -197,14 +204,14 @@ def _part(described: Any, where: str, kind: Kind | None) -> tuple[Any, Kind]:
 
 
 def _interface(
-    described: Any, fmi: int, where: str, kind: Kind | None, findings: tuple[str, ...]
+    described: Any, fmi: int, where: str, kind: Kind | None, findings: tuple[str, ...], own: Elements
 ) -> Interface:
     part, kind = _part(described, where, kind)
     if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", part.modelIdentifier or ""):
         raise InputError(f"{where}: the model identifier {part.modelIdentifier!r} is not an identifier of C")
     experiment = described.defaultExperiment
     internal = _positive(getattr(part, "fixedInternalStepSize", None))
-    states, derivatives = _states(described, fmi, where) if kind == "ModelExchange" else ((), ())
+    states, derivatives = _states(described, fmi, where, own) if kind == "ModelExchange" else ((), ())
     tolerance = _positive(experiment.tolerance) if experiment else None
     step = (_positive(experiment.stepSize) if experiment else None) or internal
     chosen: dict[str, list[Variable]] = {"input": [], "output": [], "parameter": []}
@@ -220,7 +227,7 @@ def _interface(
         elements += math.prod(variable.shape or ())
         if elements > MOST_ELEMENTS:
             raise InputError(f"{where} has more than {MOST_ELEMENTS} signals and parameters")
-        chosen[variable.causality].append(_variable(variable, fmi, where))
+        chosen[variable.causality].append(_variable(variable, fmi, where, own))
     inputs, outputs, parameters = (tuple(chosen[key]) for key in ("input", "output", "parameter"))
     for variables in (inputs, outputs, parameters):
         _distinct(variables, where)
@@ -256,13 +263,15 @@ def _interface(
     )
 
 
-def _states(described: Any, fmi: int, where: str) -> tuple[tuple[Variable, ...], tuple[Variable, ...]]:
+def _states(
+    described: Any, fmi: int, where: str, own: Elements
+) -> tuple[tuple[Variable, ...], tuple[Variable, ...]]:
     """Return the continuous states and their derivatives, in the order of the ModelStructure."""
     listed = [unknown.variable for unknown in described.derivatives]
     pairs = [(d.derivative, d) for d in listed if d is not None and d.derivative is not None]
     if len(pairs) < len(listed):
         raise InputError(f"{where}: a derivative of the ModelStructure names no state")
-    made = [[_variable(v, fmi, where) for v in pair] for pair in pairs]
+    made = [[_variable(v, fmi, where, own) for v in pair] for pair in pairs]
     return tuple(pair[0] for pair in made), tuple(pair[1] for pair in made)
 
 
@@ -274,7 +283,7 @@ def _unusable(variable: Any) -> str | None:
     return None
 
 
-def _variable(variable: Any, fmi: int, where: str) -> Variable:
+def _variable(variable: Any, fmi: int, where: str, own: Elements) -> Variable:
     kind = variable.type
     if kind == "Enumeration":
         kind = "Integer" if fmi == 2 else "Int64"
@@ -289,20 +298,45 @@ def _variable(variable: Any, fmi: int, where: str) -> Variable:
         raise InputError(
             f"{where}: parameter {variable.name!r} has {len(labels)} elements and {len(start)} start values"
         )
-    unit = variable.unit or (variable.declaredType.unit if variable.declaredType else None)
-    description = variable.description or ""
+    unit = variable.unit or (variable.declaredType.unit if variable.declaredType else None) or ""
+    texts = [(label, unit, variable.description or "") for label in labels]
+    told = own.get(variable.name, [])
+    if len(told) == len(labels) > 1:
+        texts = told
     listed = variable.declaredType.items if variable.type == "Enumeration" else ()
     return Variable(
         variable.name,
         variable.valueReference,
         kind,
-        tuple(labels),
+        tuple(label for label, _, _ in texts),
         tuple(start),
-        unit or "",
-        description,
+        tuple(of for _, of, _ in texts),
+        tuple(text for _, _, text in texts),
         tuple((int(item.value), item.name) for item in listed),
         kind not in REALS or variable.variability == "discrete",
     )
+
+
+def units_and_descriptions(
+    variables: Sequence[Variable], keys: Iterable[str] | None = None
+) -> tuple[dict[str, str], dict[str, str]]:
+    """Return the units and the descriptions of all elements, by label or by the given keys in their order."""
+    names = list(keys) if keys is not None else [label for v in variables for label in v.labels]
+    units = [unit for v in variables for unit in v.units]
+    texts = [text for v in variables for text in v.descriptions]
+    return dict(zip(names, units, strict=True)), dict(zip(names, texts, strict=True))
+
+
+def _own_elements(root: ElementTree.Element) -> Elements:
+    """Return what our own exports say of the elements of arrays, by the array's name."""
+    found: Elements = {}
+    for v in root.iterfind("ModelVariables/*"):
+        for annotation in v.iterfind("Annotations/Annotation"):
+            if annotation.get("type") == ELEMENTS:
+                about = [[e.get(key, "") for key in ("name", "unit", "description")] for e in annotation]
+                if all(name for name, _, _ in about):
+                    found[v.get("name", "")] = [(name, unit, text) for name, unit, text in about]
+    return found
 
 
 def _distinct(variables: Iterable[Variable], where: str) -> None:

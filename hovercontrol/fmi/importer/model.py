@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from hovercontrol.errors import InputError
 from hovercontrol.fmi.importer.continuous import Continuous
 from hovercontrol.fmi.importer.instance import FmuError
-from hovercontrol.fmi.importer.interface import Interface
+from hovercontrol.fmi.importer.interface import Interface, units_and_descriptions
 from hovercontrol.fmi.importer.unpacked import Source, Unpacked
 from hovercontrol.fmi.importer.values import InputCheck, own_parameters, parameter_key
 from hovercontrol.targets.control import _Params
@@ -70,10 +70,10 @@ class FmuModel(control.NonlinearIOSystem):
         self.input_index = {label: i for i, label in enumerate(inputs)}
         self.output_index = {label: i for i, label in enumerate(outputs)}
         self.state_index = {label: i for i, label in enumerate(states)}
-        self.units = {label: v.unit for group in groups for v in group for label in v.labels}
-        self.units |= {key: v.unit for key, (v, _) in self._keys.items()}
-        self.descriptions = {label: v.description for group in groups for v in group for label in v.labels}
-        self.descriptions |= {key: v.description for key, (v, _) in self._keys.items()}
+        units, descriptions = units_and_descriptions([v for group in groups for v in group])
+        of_keys, texts_of_keys = units_and_descriptions(interface.parameters, self._keys)
+        self.units = units | of_keys
+        self.descriptions = descriptions | texts_of_keys
         self._check = InputCheck(interface.inputs)
         starts = [s for v in interface.inputs for s in (v.start or (0.0,) * len(v.labels))]
         self._first_inputs = np.array(starts, dtype=float)

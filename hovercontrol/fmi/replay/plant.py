@@ -126,9 +126,10 @@ class FmuPlant:
         found = {}
         for v in self.interface.parameters:
             if v.kind in REALS:
-                for label, start in zip(v.labels, v.start, strict=True):
+                texts = zip(v.labels, v.start, v.units, v.descriptions, strict=True)
+                for label, start, unit, description in texts:
                     lower, upper = bounds.get(v.reference, (-math.inf, math.inf))
-                    found[label] = Parameter(label, v.unit, start, lower, upper, v.description)
+                    found[label] = Parameter(label, unit, start, lower, upper, description)
         return found
 
     @cached_property
@@ -429,13 +430,13 @@ def _signals(variables: Sequence[Variable]) -> tuple[Signal, ...]:
     found = []
     for v in variables:
         starts = v.start or (0.0,) * len(v.labels)
-        for label, start in zip(v.labels, starts, strict=True):
-            unit = v.unit or "1"
+        for label, start, unit, text in zip(v.labels, starts, v.units, v.descriptions, strict=True):
+            unit = unit or "1"
             try:
                 unit = unit if is_plain_si(unit) else "1"
             except InputError:
                 unit = "1"
-            found.append(Signal(_word(label), unit, v.description, start=start))
+            found.append(Signal(_word(label), unit, text, start=start))
     return tuple(found)
 
 
