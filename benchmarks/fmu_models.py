@@ -1,8 +1,7 @@
 """An FMU as a model: estimates within two errors, effects named, cost of a fit.
 
-The FMUs: a machine with drag and a craft of six states, both exported here, and four FMUs for Model Exchange
-written by hand in C (``tests/fmi/models/foreign.c``): Dahlquist's test equation, van der Pol's oscillator, a
-bouncing ball. The true runs come from closed solutions or from SciPy's DOP853 at 1e-10, not from an FMU.
+The FMUs are exported here: a machine with drag, and a craft of six states. The true runs of the craft come
+from its equations by hand, integrated by SciPy's DOP853 at 1e-10, not from an FMU.
 """
 
 from __future__ import annotations
@@ -10,7 +9,7 @@ from __future__ import annotations
 import math
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np

@@ -49,8 +49,8 @@ Array = NDArray[np.float64]
 class FmuCriteria:
     """Thresholds of the search.
 
-    No published source for `fitted`, `screened` and `worse`: set by hand, tested in
-    tests/discrepancy/test_fmu.py. Differences of Schwarz' criterion: above 10 the evidence is very strong,
+    No published source for `fitted`, `screened` and `worse`: set by hand; the benchmark ``fmu_models`` counts
+    the names that they give. Differences of Schwarz' criterion: above 10 the evidence is very strong,
     above 6 strong (Kass and Raftery, JASA 90 (1995)).
 
     Attributes

@@ -2,15 +2,19 @@
 
 import csv
 import zipfile
+from dataclasses import replace
 
+import fmpy
 import numpy as np
 import pytest
 
 import hovercontrol as hc
+from hovercontrol.effects.command import InputDelay
 from hovercontrol.effects.generic_commands import lag
 from hovercontrol.effects.generic_measurements import bias
 from hovercontrol.errors import InputError
 from hovercontrol.fmi.around import Around
+from hovercontrol.fmi.replay.start_values import save_corrected
 
 K, B = 2.0, 0.8
 
@@ -116,4 +120,65 @@ def test_a_crash_or_exit_in_a_fit_ends_in_one_line(fmu, trouble):
     plant = hc.FmuPlant(**{**vars(plant), "values": {"trouble": trouble, "at": 0.3}})
     with pytest.raises(InputError, match="failed on run: its process ended by itself"):
         hc.identify(plant, [hc.Log("run", t, {"u": np.zeros(50), "x": np.ones(50)})])
+    plant.close()
+
+
+@pytest.mark.parametrize(
+    ("values", "u", "line"),
+    [
+        ({"trouble": 4, "at": 0.3}, 0.0, "failed on run: it did not answer within 0.5 s"),
+        ({"gain": 1e300}, 1e300, "failed on run: 'z' is inf at t = 0 s"),
+    ],
+)
+def test_a_hang_or_infinite_value_in_a_fit_ends_in_one_line(fmu, values, u, line):
+    plant = hc.fmu_plant(fmu(2), ["k"], timeout=0.5)
+    t = 0.02 * np.arange(50)
+    plant = replace(plant, values=values)
+    with pytest.raises(InputError, match=line) as found:
+        hc.identify(plant, [hc.Log("run", t, {"u": np.full(50, u), "z": np.ones(50)})])
+    assert "\n" not in str(found.value)
+    plant.close()
+
+
+def by_fmpy(path, kind, t, u):
+    """The output v of an FMU in FMPy, its input held from row to row."""
+    near = 1e-9 if kind == "CoSimulation" else 0.0  # FMPy holds what it reads at the beginning of a step
+    rows = [(t[0], u[0])]
+    for k in np.flatnonzero(np.diff(u)) + 1:
+        rows += [(t[k] - near, u[k - 1]), (t[k] - near, u[k])]
+    rows.append((t[-1], u[-1]))
+    table = np.array(rows, dtype=[("time", float), ("u", float)])
+    return fmpy.simulate_fmu(
+        str(path), fmi_type=kind, stop_time=t[-1], output_interval=t[1], input=table, output=["v"],
+        relative_tolerance=1e-10, record_events=False,
+    )["v"]  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", ["CoSimulation", "ModelExchange"])
+@pytest.mark.parametrize(
+    "before", [[InputDelay(seconds=0.0937)], [InputDelay(seconds=0.0937), lag("u", "V")(seconds=0.25)]]
+)
+def test_the_corrected_fmu_gives_our_prediction(file, kind, before, tmp_path):
+    """A delay of parts of a row, and a lag; both FMUs begin at rest with no input."""
+    plant = hc.fmu_plant(file[1], ["motor.k"], values={"motor.k": 1.5}, isolated=False)
+    model = replace(plant.with_effects(before=before, after=[bias("v", "m/s")(0.2)]), pieces=4)
+    save_corrected(model, tmp_path / "corrected.fmu")
+    t = 0.02 * np.arange(200)
+    u = np.repeat([0.0, 1.5, -2.0, 0.7], 50)
+    ours = model.seen(t, model.raw(t, u[:, None], [0.0]))[:, 0]
+    theirs = by_fmpy(tmp_path / "corrected.fmu", kind, t, u)
+    assert np.ptp(ours) > 1.0
+    np.testing.assert_allclose(theirs[: t.size], ours, atol=1e-6)
+    plant.close()
+
+
+def test_diagnose_writes_the_corrected_fmu(file, tmp_path):
+    block, path = file
+    plant = hc.fmu_plant(path, ["motor.k"], isolated=False)
+    found = hc.diagnose(plant, [logged(block, added=0.3)], names=["input_delay", "v_bias"])
+    found.save(tmp_path / "out")
+    said = fmpy.read_model_description(str(tmp_path / "out" / "corrected.fmu"), validate=True)
+    start = {v.name: v.start for v in said.modelVariables}
+    assert float(start["after.v_bias"]) == pytest.approx(0.3, abs=0.005)
+    assert float(start["motor.k"]) == found.amended.value("motor.k")
     plant.close()

@@ -33,7 +33,7 @@ Array = NDArray[np.float64]
 STEP = 0.01
 
 #: Parts of the time between two rows in which an input that is lagged before a Model Exchange FMU is held.
-FINE = 4
+FINE = 12
 
 
 @dataclass(frozen=True)

@@ -51,7 +51,7 @@ def through(block: Block, parameters: Sequence[float], time: Array, u: Array, *,
 def driven(
     block: Block, parameters: Sequence[float], time: Array, u: Array, fine: int
 ) -> tuple[Array, Array, NDArray[np.intp]]:
-    """Return what a continuous system gets through a Block before it, held over intervals that are short enough.
+    """Return what a continuous system gets through a Block before it, held over short intervals.
 
     Inputs that act late change at the times at which they arrive; those are added to the grid. The outputs of
     a Block with states change between the rows: each interval is divided, and the output in the middle of
