@@ -98,6 +98,23 @@ static double stop_at_arrival(const hc_instance *c, double stop, double end)
 }
 #endif
 
+/* The importer reads the instance at the solver's time; 1 if it wants the step to end there. */
+static int intermediate_update(hc_instance *c, int before_end)
+{
+    const char *function = c->function;
+    int early;
+    c->value[0] = c->solver->t;
+    c->valid = 0;
+    c->state = HC_INTERMEDIATE;
+    early = c->update(c, before_end && c->early_return_allowed);
+    if (c->state == HC_FAILED)
+        return 0;
+    c->state = HC_STEP;
+    c->function = function;
+    c->valid = 0;
+    return early;
+}
+
 int hc_do_step(hc_instance *c, double time, double length, int *event, int *early)
 {
     hc_solver *s = c->solver;
@@ -109,7 +126,7 @@ int hc_do_step(hc_instance *c, double time, double length, int *event, int *earl
         return HC_ERROR;
     c->earliest = -DBL_MAX;
     c->latest = DBL_MAX;
-    if (!(c->changed && c->changed_before)) { /* inputs are constant: the solver may pass the end of the step */
+    if (!(c->changed && c->changed_before) && !c->intermediate) { /* inputs are constant: the solver may pass the end of the step */
         stop = end + AHEAD * length < c->stop_time ? end + AHEAD * length : c->stop_time;
         stop = stop > end ? stop : end;
     }
@@ -160,6 +177,12 @@ int hc_do_step(hc_instance *c, double time, double length, int *event, int *earl
             hc_solver_restart(s);
         } else if (status != HC_OK) {
             return fail_step(c, status);
+        } else if (c->intermediate && s->t <= end) {
+            *early = intermediate_update(c, s->t < end);
+            if (c->state == HC_FAILED)
+                return HC_ERROR;
+            if (*early)
+                return HC_DONE;
         }
     }
     c->value[0] = end;

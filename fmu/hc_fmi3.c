@@ -50,6 +50,16 @@ fmi3Instance FMI3(InstantiateModelExchange)(fmi3String name, fmi3String token, f
     return hc_instance_new(&log, "fmi3InstantiateModelExchange", HC_MODEL_EXCHANGE, name, token);
 }
 
+/* FMI 3.0.2, section 4.2.2.4: nothing can be set, all can be read; a step of the solver has ended. */
+static int intermediate_update(hc_instance *c, int can_return)
+{
+    fmi3Boolean requested = false;
+    fmi3Float64 until = c->value[0];
+    ((fmi3IntermediateUpdateCallback)c->intermediate)(c->log.environment, c->value[0], false, true, true,
+                                                      can_return != 0, &requested, &until);
+    return can_return && requested; /* at once, as is allowed where the importer names a later time */
+}
+
 fmi3Instance FMI3(InstantiateCoSimulation)(fmi3String name, fmi3String token, fmi3String resources,
                                            fmi3Boolean visible, fmi3Boolean logging, fmi3Boolean event_mode,
                                            fmi3Boolean early_return, const fmi3ValueReference intermediate[],
@@ -60,13 +70,14 @@ fmi3Instance FMI3(InstantiateCoSimulation)(fmi3String name, fmi3String token, fm
     hc_instance *c;
     (void)resources;
     (void)visible;
-    (void)intermediate; /* there is no intermediate update */
+    (void)intermediate; /* all variables can be read then */
     (void)n_intermediate;
-    (void)update;
     c = hc_instance_new(&log, "fmi3InstantiateCoSimulation", HC_CO_SIMULATION, name, token);
     if (c) {
         c->event_mode_used = event_mode;
         c->early_return_allowed = early_return;
+        c->intermediate = (void (*)(void))update;
+        c->update = intermediate_update;
     }
     return c;
 }

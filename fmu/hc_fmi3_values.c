@@ -92,7 +92,7 @@ static int wrong_count(hc_instance *c, size_t n, size_t n_elements, size_t n_val
 
 fmi3Status FMI3(GetFloat64)(HC_REFERENCES, fmi3Float64 values[], size_t n_values)
 {
-    ENTER(GetFloat64, ANY);
+    ENTER(GetFloat64, ANY | HC_INTERMEDIATE);
     EXPANDED;
     return (fmi3Status)hc_get_reals(c, references(c, &list), list.n, values);
 }
@@ -106,7 +106,7 @@ fmi3Status FMI3(SetFloat64)(HC_REFERENCES, const fmi3Float64 values[], size_t n_
 
 fmi3Status FMI3(GetInt32)(HC_REFERENCES, fmi3Int32 values[], size_t n_values)
 {
-    ENTER(GetInt32, ANY);
+    ENTER(GetInt32, ANY | HC_INTERMEDIATE);
     return wrong_count(c, n, n, n_values) ? fmi3Error : (fmi3Status)hc_get_modes(c, vr, n, values);
 }
 
@@ -114,7 +114,7 @@ fmi3Status FMI3(GetInt32)(HC_REFERENCES, fmi3Int32 values[], size_t n_values)
 #define NO_GET(name, type)                                                                                            \
     fmi3Status FMI3(Get##name)(HC_REFERENCES, type values[], size_t n_values)                                         \
     {                                                                                                                 \
-        ENTER(Get##name, ANY);                                                                                        \
+        ENTER(Get##name, ANY | HC_INTERMEDIATE);                                                                                        \
         (void)values;                                                                                                 \
         (void)n_values;                                                                                               \
         return (fmi3Status)hc_no_variable(c, #name, vr, n);                                                           \
@@ -142,7 +142,7 @@ NEITHER(String, fmi3String)
 
 fmi3Status FMI3(GetBinary)(HC_REFERENCES, size_t sizes[], fmi3Binary values[], size_t n_values)
 {
-    ENTER(GetBinary, ANY);
+    ENTER(GetBinary, ANY | HC_INTERMEDIATE);
     (void)sizes;
     (void)values;
     (void)n_values;
@@ -218,20 +218,20 @@ static fmi3Status partial_derivatives(hc_instance *c, int adjoint, const fmi3Val
 
 fmi3Status FMI3(GetDirectionalDerivative)(HC_PARTIAL_ARGUMENTS)
 {
-    ENTER(GetDirectionalDerivative, COMPUTED);
+    ENTER(GetDirectionalDerivative, COMPUTED | HC_INTERMEDIATE);
     return partial_derivatives(c, 0, unknowns, n_unknowns, knowns, n_knowns, seed, n_seed, sensitivity, n_sensitivity);
 }
 
 fmi3Status FMI3(GetAdjointDerivative)(HC_PARTIAL_ARGUMENTS)
 {
-    ENTER(GetAdjointDerivative, COMPUTED);
+    ENTER(GetAdjointDerivative, COMPUTED | HC_INTERMEDIATE);
     return partial_derivatives(c, 1, unknowns, n_unknowns, knowns, n_knowns, seed, n_seed, sensitivity, n_sensitivity);
 }
 
 fmi3Status FMI3(GetOutputDerivatives)(HC_REFERENCES, const fmi3Int32 orders[], fmi3Float64 values[], size_t n_values)
 {
     int *expanded, status;
-    ENTER(GetOutputDerivatives, HC_STEP | ENDED);
+    ENTER(GetOutputDerivatives, HC_STEP | HC_INTERMEDIATE | ENDED);
     EXPANDED;
     if (!list.copied)
         return (fmi3Status)hc_output_derivatives(c, vr, orders, n, values);

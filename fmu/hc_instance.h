@@ -30,7 +30,8 @@ enum {
     HC_CONTINUOUS_TIME = 8,
     HC_STEP = 16,
     HC_TERMINATED = 32,
-    HC_FAILED = 64
+    HC_FAILED = 64,
+    HC_INTERMEDIATE = 128 /* Intermediate Update Mode of FMI 3: in a callback within a step */
 };
 
 /* Of the discrete states in Event Mode; HC_AT_START: not yet, and initialization has just ended. */
@@ -56,7 +57,7 @@ typedef struct hc_log_type {
     unsigned categories;
 } hc_log_type;
 
-typedef struct {
+typedef struct hc_instance {
     hc_log_type log;
     int kind, event_mode_used, early_return_allowed;
     unsigned state;       /* one bit */
@@ -79,6 +80,8 @@ typedef struct {
 
     hc_ticks ticks;    /* Model Exchange only: the solver has its own */
     hc_solver *solver; /* Co-Simulation only */
+    void (*intermediate)(void); /* the importer's callback of FMI 3, of the type that `update` expects; NULL: none */
+    int (*update)(struct hc_instance *c, int can_return); /* calls it at the instance's time; 1: return early */
     int changed;       /* values were set and not yet passed to the solver */
     int changed_before; /* the same at the last step */
     int event;         /* the solver's last step ended at an event */

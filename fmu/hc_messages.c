@@ -64,10 +64,10 @@ int hc_no_null(hc_instance *c, const void *pointer, const char *name, size_t n)
 void hc_name_states(const hc_instance *c, unsigned states, char *text, size_t size)
 {
     static const char *const names[] = {"Instantiated", "Initialization Mode", "Event Mode", "Continuous-Time Mode",
-                                        NULL,           "Terminated",          "Error"};
+                                        NULL,           "Terminated",          "Error",      "Intermediate Update Mode"};
     size_t n = 0;
     text[0] = '\0';
-    for (int i = 0; i < 7; i++)
+    for (int i = 0; i < 8; i++)
         if (states >> i & 1u && n < size) {
             const char *name = names[i] ? names[i] : c->log.version == 2 ? "Step Complete" : "Step Mode";
             const int more = snprintf(text + n, size - n, "%s%s", n > 0 ? ", " : "", name);

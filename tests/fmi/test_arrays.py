@@ -11,7 +11,14 @@ from fmpy.fmi1 import FMICallException
 from fmpy.fmi3 import FMU3Model, FMU3Slave
 
 import hovercontrol as hc
+from hovercontrol.fmi.exporter.description import Experiment, model_description
+from hovercontrol.fmi.exporter.units import fmi_unit
+from hovercontrol.fmi.exporter.variables import Interface
+from hovercontrol.fmi.importer.archive import Header
+from hovercontrol.fmi.importer.interface import read_interface
 from hovercontrol.targets.compiler import NoCompilerError, find_compiler
+
+from .blocks import BLOCKS
 
 try:
     find_compiler()
@@ -105,6 +112,25 @@ def test_fmpy_validates_and_simulates_arrays(fmu, kind):
         np.testing.assert_allclose(x, exact(t), atol=1e-6)
         np.testing.assert_allclose(y, exact(t)[:, :2].sum(axis=1), atol=1e-6)
         assert z == pytest.approx(exact(t)[0, 0] + U[1], abs=1e-6)
+
+
+def test_the_loop_of_table_one_has_a_vector_of_its_covariance(tmp_path):
+    """237 scalars and time; 66 entries of the covariance's upper triangle, and their derivatives."""
+    interface, file = Interface(BLOCKS["loop"]), tmp_path / "modelDescription.xml"
+    counts = {}
+    for version in (2, 3):
+        file.write_bytes(
+            model_description(interface, version, "{0}", Experiment(1.0, 0.1, 1e-6), "a loop", ["x.c"])
+        )
+        counts[version] = len(fmpy.read_model_description(str(file), validate=True).modelVariables)
+    assert counts == {2: 238, 3: 238 - 2 * (66 + 11) - 3 - 11 + 6}
+    read = read_interface(file, Header("fmiModelDescription", {"fmiVersion": "3.0"}), "x", "ModelExchange")
+    assert [label for v in read.states for label in v.labels] == [s.name for s in interface.block.states]
+    units = {label: unit for v in read.states for label, unit in zip(v.labels, v.units, strict=True)}
+    assert (
+        units["estimator.P[3,4]"]
+        == fmi_unit(next(s.unit for s in interface.block.states if s.name == "estimator.P[3,4]")).name
+    )
 
 
 def opened(path, kind=FMU3Slave):

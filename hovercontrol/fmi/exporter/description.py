@@ -53,6 +53,8 @@ _ABILITIES: dict[tuple[int, str], dict[str, str]] = {
         "providesAdjointDerivatives": "true",
         "hasEventMode": "true",
         "mightReturnEarlyFromDoStep": "true",
+        "providesIntermediateUpdate": "true",
+        "canReturnEarlyAfterIntermediateUpdate": "true",
     },
 }
 
