@@ -136,7 +136,7 @@ class _Equation:
         if not alone:
             return Yardstick(f"{self.equation}'", (), 0.0, np.zeros(0), np.zeros(0), np.zeros(0))
         order = sorted(alone, key=lambda n: -alone[n][0])[:TOGETHER]
-        gains = {(n,): alone[n][0] for n in order}
+        gains: dict[tuple[str, ...], float] = {(n,): alone[n][0] for n in order}
         few = {n: self._hats(n, KNOTS_OF_MORE) for n in order}
         for a, b in itertools.combinations(order, 2):
             both = (few[a][:, None] * few[b][None]).reshape(-1, *few[a].shape[1:])
