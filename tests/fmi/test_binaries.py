@@ -54,7 +54,7 @@ def test_the_plants_binary_is_for_its_machine_small_and_self_contained(platform,
     binary = built("plant", platform, version)
     arch, system = platform.split("-")
     assert machine(binary) == ({"linux": "ELF", "windows": "PE", "darwin": "Mach-O"}[system], arch)
-    assert len(binary) <= 160_000
+    assert len(binary) <= 180_000  # Windows' holds a part of the C library
     assert needed_glibc(binary) <= OLDEST_GLIBC
     assert (needed_glibc(binary) != (0,)) == (system == "linux")
     for trace in (b"/tmp/", b"/home/", b".debug_info", b"hc_instance.c"):
