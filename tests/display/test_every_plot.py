@@ -54,6 +54,18 @@ def decay():
     return hc.Block("decay", [v], [], [v], [k], {"v": -k.symbol * v.symbol})
 
 
+def replayed():
+    v, F = hc.Signal("v", "m/s"), hc.Signal("F", "m/s^2")
+    cart = hc.Block("cart", [v], [F], [v], derivatives={"v": F.symbol})
+    watch = hc.monitor(
+        cart, ["v_bias"], false_alarms_per_hour=1.0, period=0.1, measured=["v"],
+        process_noise={"v": 0.01}, measurement_noise={"v": 0.01},
+    )  # fmt: skip
+    t = np.arange(0.0, 30.0, 0.1)
+    seen = np.where(t > 20.0, 0.5, 0.0) + np.random.default_rng(1).normal(0.0, 0.01, t.size)
+    return hc.replay(watch, Log("cart", t, {"v": seen, "F": 0.0 * t}))
+
+
 def disc():
     x, y = axis("x", "m", (-1.0, 1.0), 40), axis("y", "m", (-2.0, 2.0), 41)
     X, Y = np.meshgrid(x.values, y.values)
@@ -156,6 +168,7 @@ QUICK = {
     "budget": ("Budget", budget),
 }
 SLOW = {
+    "replayed": ("Replayed", replayed),
     "expected errors": (
         "ExpectedErrors",
         lambda: expected_errors({"circle": hc.circle(2.0, 0.5)}, hc.vehicle("c17_simulation"), duration=2.0),
