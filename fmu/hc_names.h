@@ -98,6 +98,10 @@
 #define hc_step_dormand_prince HC_NAME(hc_step_dormand_prince)
 #define hc_step_rk4 HC_NAME(hc_step_rk4)
 
+/* hc_dop853.c */
+#define hc_dense_dop853 HC_NAME(hc_dense_dop853)
+#define hc_step_dop853 HC_NAME(hc_step_dop853)
+
 /* hc_step_length.c */
 #define hc_choose_and_step HC_NAME(hc_choose_and_step)
 #define hc_first_length HC_NAME(hc_first_length)

@@ -52,7 +52,7 @@ class Alarm:
     Examples
     --------
     >>> print(Alarm(31.2, "surge_linear_drag", "change", 0.3, 0.02, "1/s", 30.5, (), 60.0, 36.2))
-    31.2 s: surge_linear_drag changed by 0.3 +- 0.02 1/s since 30.5 s
+    31.2 s: surge_linear_drag changed by 0.300 +- 0.020 1/s since 30.5 s
     """
 
     time: float

@@ -211,7 +211,7 @@ def replay(
     >>> t = 0.1 * np.arange(300)
     >>> rng = np.random.default_rng(1)
     >>> F = np.where(t % 10.0 < 5.0, 1.0, -1.0)
-    >>> m = np.where(t < 15.0, 2.0, 1.0)
+    >>> m = np.where(t < 15.0, 2.0, 1.8)
     >>> v = np.concatenate([[0.0], np.cumsum(0.1 * F / m)[:-1]]) + 0.01 * rng.normal(size=t.size)
     >>> found = hc.replay(watch, hc.Log("run", t, {"v": v, "F": F}))
     >>> [alarm.name for alarm in found.alarms]
