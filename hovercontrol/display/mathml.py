@@ -96,7 +96,7 @@ class MathPrinter(MathMLPresentationPrinter):
     def _print_Piecewise(self, expr: sp.Piecewise) -> Any:
         rows = []
         for value, condition in expr.args:
-            case = self._node("mrow", self._node("mtext", "if "), self._print(condition))
+            case = self._node("mrow", self._node("mtext", "if\u00a0"), self._print(condition))
             case = self._node("mtext", "otherwise") if condition == sp.true else case
             rows.append(self._node("mtr", self._node("mtd", self._print(value)), self._node("mtd", case)))
         return self._node("mrow", self._node("mo", "{"), self._node("mtable", *rows))

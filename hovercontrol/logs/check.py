@@ -26,10 +26,14 @@ class PlausibleLimits:
         Largest mean turn rate [rad/s]; a heading in degrees exceeds it easily.
     value : float
         Largest absolute value in any column.
+    coarse : float
+        Largest fraction of rows that repeat the time of the row before by mistakes of a logger; if there are
+        more, the stamps are coarser than the rows.
     """
 
     turn: float = 60.0
     value: float = 1e20
+    coarse: float = 0.2
 
 
 Rows = NDArray[np.intp]
@@ -71,21 +75,25 @@ def check_codes(file: str, source: Source, column: str, values: Floats, *, any_n
         raise InputError(f"{file}: {code_text(column, code, at.size, where)}")
 
 
-def check_time(file: str, source: Source, column: str, time: Floats, firsts: Rows) -> None:
+def check_time(file: str, source: Source, column: str, time: Floats, firsts: Rows, copies: Rows) -> None:
     """Raise if time repeats or runs backwards within a trial; ``column`` is its name in the file.
 
-    ``firsts`` are the first rows of trials.
+    ``firsts`` are the first rows of trials, ``copies`` the rows that are copies of the row before.
     """
-    stuck = np.setdiff1d(np.flatnonzero(np.diff(time) <= 0), firsts - 1)
+    stuck = np.setdiff1d(np.flatnonzero(np.diff(time) <= 0), np.concatenate([firsts, copies]) - 1)
     if not stuck.size:
         return
     row = int(stuck[0]) + 1
     where, text = source.place(row, column)
     before = source.place(row - 1, column)[1]
-    what = "repeats" if time[row] == time[row - 1] else "runs backwards"
+    repeats = time[row] == time[row - 1]
     more = f" ({stuck.size} such rows)" if stuck.size > 1 else ""
+    hint = "; other values differ: keep one of the rows" if repeats else ""
+    if repeats and stuck.size > PLAUSIBLE.coarse * time.size:
+        hint = "; it is coarser than the rows: is there a finer one? (--columns time=NAME)"
     raise InputError(
-        f"{file}: {where}, column {column!r}: time {what}: expected more than {before}, found {text}{more}"
+        f"{file}: {where}, column {column!r}: time {'repeats' if repeats else 'runs backwards'}: "
+        f"expected more than {before}, found {text}{more}{hint}"
     )
 
 
@@ -118,11 +126,12 @@ def check_heading(file: str, column: str, time: Floats, psi: Floats, r: Floats |
     steps = np.abs(np.diff(psi))
     if not steps.size:
         return
+    passed = np.maximum(np.diff(time), 0.0)  # where a trial begins time may jump back
     wrapped = bool(np.ptp(psi) <= 360.0 and np.any(steps > 300.0) and np.median(steps) < 60.0)
-    whirling = bool(steps.sum() > PLAUSIBLE.turn * (time[-1] - time[0]) and not wrapped)
+    whirling = bool(steps.sum() > PLAUSIBLE.turn * passed.sum() and not wrapped)
     ratio, turned = 1.0, np.zeros(1)
     if r is not None and np.abs(r).max() > 0.0:
-        turned = np.abs(r[1:] + r[:-1]) / 2 * np.diff(time)
+        turned = np.abs(r[1:] + r[:-1]) / 2 * passed
         ratio = float(steps.sum() / max(float(turned.sum()), 1e-9))
     both = False
     if r is not None and (wrapped or whirling):

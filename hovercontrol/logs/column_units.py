@@ -7,6 +7,7 @@ from collections.abc import Container, Mapping
 from hovercontrol.core.units import conversion_factor, plain_si
 from hovercontrol.errors import ArgumentError, InputError
 from hovercontrol.logs.log import UNITS
+from hovercontrol.logs.readers.dialect import unit_in_name
 
 
 def column_of(said: str, header: Container[str]) -> tuple[str, str]:
@@ -15,7 +16,8 @@ def column_of(said: str, header: Container[str]) -> tuple[str, str]:
     Parameters
     ----------
     said : str
-        The specification. A name in the header is taken as a whole, even if it contains colons.
+        The specification. A name in the header is taken as a whole, even if it contains colons. A name with
+        its unit in brackets is that of a column whose unit was read from there.
     header : container of str
         The file's column names.
 
@@ -28,9 +30,19 @@ def column_of(said: str, header: Container[str]) -> tuple[str, str]:
     --------
     >>> column_of("yaw:deg", ["t", "yaw"]), column_of("imu:x", ["imu:x"]), column_of("t", ["t"])
     (('yaw', 'deg'), ('imu:x', ''), ('t', ''))
+    >>> column_of("yaw [deg]", ["t", "yaw"]), column_of("yaw [deg]", ["yaw [deg]"])
+    (('yaw', 'deg'), ('yaw [deg]', ''))
     """
+    if said in header:
+        return said, ""
+    name, unit = unit_in_name(said)
+    if unit and name in header:
+        return name, unit
     name, colon, unit = said.rpartition(":")
-    return (name, unit.strip()) if colon and said not in header else (said, "")
+    if not colon:
+        return said, ""
+    plain, stated = unit_in_name(name)
+    return plain if stated and name not in header and plain in header else name, unit.strip()
 
 
 def factor_to_si(name: str, unit: str, wanted: str = "") -> float:

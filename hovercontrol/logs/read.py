@@ -173,13 +173,34 @@ def _read_source(
         check_codes(str(file), source, names[ours], data[ours], any_number=ours in measured)
         check_size(str(file), source, names[ours], data[ours])
     firsts = trial_rows(data["time"], data.get(trial))
-    check_time(str(file), source, names["time"], data["time"], firsts)
+    copies = copied_rows(data)
+    check_time(str(file), source, names["time"], data["time"], firsts, copies)
+    if copies.size:
+        firsts = firsts - np.searchsorted(copies, firsts)
+        data = {name: np.delete(column, copies) for name, column in data.items()}
     if "psi" in data:
         check_heading(str(file), names["psi"], data["time"], data["psi"], data.get("r"))
     origin = source.stamps.origin if isinstance(source, Derived) and source.stamps else None
     log = replace(_log(file.name, data, firsts, trial), origin=origin or 0)
     notes = [f"{file}: read with {source.said}"] if source.said else []
+    notes += [f"{file}: {copies.size:,} copies of the row before: left out"] if copies.size else []
     return replace(log, notes=(*notes, *log.notes))
+
+
+def copied_rows(data: Mapping[str, Floats]) -> NDArray[np.intp]:
+    """Return the rows that equal the row before in time and in every other column.
+
+    Examples
+    --------
+    >>> copied_rows({"time": np.array([0.0, 1.0, 1.0, 1.0]), "x": np.array([0.0, np.nan, np.nan, 2.0])})
+    array([2])
+    """
+    rows = np.flatnonzero(np.diff(data["time"]) == 0.0) + 1
+    for column in data.values():
+        rows = rows[
+            (column[rows] == column[rows - 1]) | (np.isnan(column[rows]) & np.isnan(column[rows - 1]))
+        ]
+    return rows
 
 
 def _log(name: str, data: dict[str, Floats], firsts: NDArray[np.intp], trial: str) -> Log:

@@ -43,6 +43,9 @@ class StampCriteria:
 #: The values in use.
 STAMPS = StampCriteria()
 
+#: A day [ns].
+DAY = 86_400 * 10**9
+
 #: Power of ten from each unit of a stamp to nanoseconds.
 PLACES = {"s": 9, "ms": 6, "us": 3, "ns": 0}
 
@@ -104,6 +107,7 @@ class Stamps:
     origin: int | None = None
     said: str = ""
     _units: list[str] = field(init=False)
+    _last: int | None = None  # the last time of day [ns]
 
     def __post_init__(self) -> None:
         self._units = [self._unit(name, unit) for name, unit in self.parts]
@@ -166,11 +170,13 @@ class Stamps:
         """Return dates in ISO 8601 format, or times of day, as nanoseconds since 1970."""
         text = pc.replace_substring(pc.utf8_trim_whitespace(column), ",", ".")
         first = next((v.as_py() for v in text.drop_null()[:1]), "")
-        if not _DAY.match(first):
+        day = bool(_DAY.match(first))
+        if not day:
             text = pc.binary_join_element_wise("1970-01-01T", text, "")
         try:
-            zone = "UTC" if _ZONE.search(first) and _DAY.match(first) else None
-            return _integers(text.cast(pa.timestamp("ns", zone)).cast(pa.int64()))
+            zone = "UTC" if _ZONE.search(first) and day else None
+            found = _integers(text.cast(pa.timestamp("ns", zone)).cast(pa.int64()))
+            return found if day else self._past_midnight(found, np.asarray(column.is_valid()))
         except pa.ArrowException:
             for k, value in enumerate(text):
                 try:
@@ -182,6 +188,18 @@ class Stamps:
                         f"2026-01-31T12:00:00.5 (or a number), found {found[:40]!r}"
                     ) from None
             raise
+
+    def _past_midnight(self, found: Any, there: Any) -> Any:
+        """Return times of day [ns] that go on after midnight: a fall by over half a day is a new day."""
+        found = found.copy()
+        known = found[there]
+        if not known.size:
+            return found
+        before = np.append(known[0] if self._last is None else self._last % DAY, known[:-1])
+        days = (self._last or 0) // DAY + np.cumsum(before - known > DAY // 2)
+        found[there] = known + DAY * days
+        self._last = int(found[there][-1])
+        return found
 
 
 def _integers(column: pa.Array) -> Any:

@@ -35,8 +35,10 @@ BAD = {
     "after a blank line": (GOOD + "\n0.3,1,2,inf\n", ["line 6", "column 'r'"]),
     "never a number": ("time,u,v,r\n0,1,nan,3\n1,1,nan,3\n", ["column 'v' is empty: NaN in all 2"]),
     "short line": (GOOD + "0.3,1,2\n", ["line 5", "expected 4 values", "found 3"]),
-    "time repeats": (GOOD + "0.2,1,2,3\n",
-                     ["line 5", "column 'time'", "repeats", "more than 0.2, found 0.2"]),
+    "time repeats": (GOOD + "0.2,1,2,3\n0.3,1,2,3\n0.4,1,2,3\n",
+                     ["line 5", "column 'time'", "repeats", "more than 0.2, found 0.2", "keep one"]),
+    "time in whole seconds": ("time,u,v,r\n" + "".join(f"{i // 5},{i},2,3\n" for i in range(20)),
+                              ["line 3", "time repeats", "coarser than the rows", "--columns time=NAME"]),
     "time falls": (GOOD + "0.15,1,2,3\n", ["line 5", "backwards", "more than 0.2, found 0.15"]),
     "degrees": ("time,x,y,psi\n" + "".join(f"{i},0,0,{i * 20 % 360}\n" for i in range(40)),
                 ["column 'psi'", "heading in rad", "degrees", "pi/180"]),
@@ -102,10 +104,15 @@ def test_a_file_that_is_not_there_or_not_a_table(tmp_path: Path) -> None:
 
 def test_parquet_rows_count_from_one(tmp_path: Path) -> None:
     path = tmp_path / "run.parquet"
-    data = {"time": [0.0, 1.0, 1.0], "u": [1, 2, 3], "v": [0.0] * 3, "r": [0.0] * 3}
+    data = {
+        "time": [0.0, 1.0, 1.0, 2.0, 3.0, 4.0, 5.0],
+        "u": [1, 2, 3, 4, 5, 6, 7],
+        "v": [0.0] * 7,
+        "r": [0.0] * 7,
+    }
     pyarrow.parquet.write_table(pa.table(data), path)
     assert "row 3, column 'time': time repeats" in error_of(path)
-    pyarrow.parquet.write_table(pa.table(data | {"u": ["a", "b", "c"]}), path)
+    pyarrow.parquet.write_table(pa.table(data | {"u": list("abcdefg")}), path)
     assert "column 'u': expected a number, found string 'a'" in error_of(path)
 
 
@@ -170,6 +177,41 @@ def test_commands_come_in_the_unit_of_the_model_and_a_minus_turns_a_sign(tmp_pat
         InputError, match="column 'thrust', read as 'mN': expected a unit like 'A', found 'mN'"
     ):
         read_log(path, columns, {"thrust": "A", "rudder": "rad"})
+
+
+def test_copies_of_the_row_before_are_left_out(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    trial = [f"0.{k},{k},,3" for k in range(1, 10)]
+    path.write_text(
+        "\n".join([*GOOD.split(), *trial[2:], *trial[-1:], *trial[-1:], "0.95,7,8,9", "0,1,2,3", *trial])
+    )
+    log = read_log(path)
+    assert len(log) == 21 and [part.first for part in log.trials] == [0, 11]
+    assert log["u"].tolist() == [1, 1.5, 2, *range(3, 10), 7, 1, *range(1, 10)]
+    assert any("2 copies of the row before: left out" in note for note in log.notes)
+    path.write_text("time,u,v,r\n0,,2,3\n0,,2,3\n1,4,2,3\n0.5,4,2,3\n")
+    assert "line 5, column 'time': time runs backwards" in error_of(path)  # lines are counted in the file
+
+
+def test_a_line_that_a_logger_did_not_finish_is_left_out(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    path.write_bytes((GOOD + "0.3,1,").replace("\n", "\r\n").encode())
+    log = read_log(path)
+    assert log.time.tolist() == [0.0, 0.1, 0.2]
+    assert any("an incomplete last line left out" in note for note in log.notes)
+    path.write_text(GOOD + "0.3,1\n0.4,1,2,3\n0.5,1")
+    assert "line 5: expected 4 values as in the header, found 2" in error_of(path)
+
+
+@pytest.mark.parametrize("jump", [-3600.0, 3600.0])
+def test_a_clock_set_by_an_hour_does_not_turn_the_heading_into_degrees(tmp_path: Path, jump: float) -> None:
+    t = 0.1 * np.arange(400)
+    psi = 0.5 * np.sin(t)
+    stamps = np.where(t < 20.0, t, t + jump) + 7200.0
+    rows = [f"{a:.1f},0,0,{b}" for a, b in zip(stamps, psi, strict=True)]
+    (tmp_path / "run.csv").write_text("\n".join(["time,x,y,psi", *rows]))
+    log = read_log(tmp_path / "run.csv")
+    assert len(log.trials) == 2 and np.array_equal(log["psi"], psi)
 
 
 def test_only_the_wanted_columns_are_kept(tmp_path: Path) -> None:

@@ -82,7 +82,7 @@ def test_two_files_that_count_from_an_epoch_stay_on_one_clock(tmp_path: Path) ->
         ("t,x,y,psi\n2024-01-31T00:00:00,0,0,0\n2024-01-32T00:00:00,0,0,0\n", "t",
          "line 3, column 't': expected a time as ISO 8601 writes it"),
         ("t,x,y,psi\nlate,0,0,0\nlater,0,0,0\n", "t", "line 2, column 't': expected a time .*found 'late'"),
-        ("t,x,y,psi\n1732647600.5,0,0,0\n1732647600.5,0,0,0\n", "t", "line 3, column 't': time repeats"),
+        ("t,x,y,psi\n1732647600.5,0,0,0\n1732647600.5,1,0,0\n", "t", "line 3, column 't': time repeats"),
         ("sec,nsec,x,y,psi\n5,1,0,0,0\n", "sec+nanosec", "no column 'nanosec' to read 'time' from"),
         ("sec,b,x,y,psi\n5,1,0,0,0\n", "sec+b:deg", "time: expected s, ms, us or ns for 'b', found 'deg'"),
     ],
@@ -91,3 +91,13 @@ def test_a_stamp_that_cannot_be_is_told(tmp_path: Path, text: str, said: str, er
     (tmp_path / "a.csv").write_text(text)
     with pytest.raises((InputError, ArgumentError), match=error):
         read_log(tmp_path / "a.csv", {"time": said})
+
+
+def test_times_of_day_go_on_after_midnight(tmp_path: Path) -> None:
+    of_day = [f"{h:02d}:59:59.{k}" for h in (22, 23) for k in (5, 9)]
+    of_day = [*of_day[2:], "00:00:00.25", "", "00:00:01", "12:00:01", "23:59:00", "00:00:00"]
+    rows = [f"{text},{k}" for k, text in enumerate(of_day) if text]
+    (tmp_path / "a.csv").write_text("\n".join(["time,x", *rows]))
+    day = 86400.0
+    expected = [0.0, 0.4, 0.75, 1.5, day / 2 + 1.5, day - 59.5, day + 0.5]
+    assert np.allclose(read_log(tmp_path / "a.csv").time, expected, atol=1e-9)

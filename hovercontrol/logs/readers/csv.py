@@ -18,7 +18,7 @@ import pyarrow.csv
 from hovercontrol.errors import InputError
 from hovercontrol.io.files import reason
 from hovercontrol.logs.readers.arrow import is_number
-from hovercontrol.logs.readers.dialect import COMMENTS, HEAD, Dialect, is_comment, recognise
+from hovercontrol.logs.readers.dialect import COMMENTS, HEAD, Dialect, is_comment, recognise, unit_in_name
 
 BLOCK = 2**20
 """Bytes of text converted at a time."""
@@ -59,8 +59,34 @@ class CsvSource:
         self.units: Mapping[str, str] = {
             name: unit for name, unit in zip(self.header, self.dialect.units, strict=False) if unit
         }
+        if not self.units:
+            self._take_units_from_names()
+        self._cut = self._cut_line()
+        if self._cut:
+            self.said = ", ".join(filter(None, [self.said, "an incomplete last line left out"]))
         # Arrow requires different names; columns without a name are never requested
         self._names = [name or f"\0{k}" for k, name in enumerate(self.header)]
+
+    def _take_units_from_names(self) -> None:
+        """Read ``x [mm]`` as a column ``x`` in mm; names that would be there twice stay as they are."""
+        pairs = [unit_in_name(name) for name in self.header]
+        plain = [name for name, _ in pairs]
+        self.units = {name: unit for name, unit in pairs if unit and plain.count(name) == 1}
+        if self.units:
+            self.header = [
+                name if name in self.units else given for given, name in zip(self.header, plain, strict=True)
+            ]
+            self.said = ", ".join(filter(None, [self.said, "units in the names of columns"]))
+
+    def _cut_line(self) -> str:
+        """Return the last line if it lacks values and a line end, as when a logger lost its power."""
+        if self.dialect.rewritten:
+            return ""
+        with self.file.open("rb") as stream:
+            stream.seek(max(self.file.stat().st_size - HEAD, 0))
+            last = stream.read().rpartition(b"\n")[2].decode(self.dialect.encoding, errors="replace")
+        cut = last.strip() and not last.endswith("\r") and '"' not in last
+        return last if cut and len(self.dialect.cells(last)) < len(self.header) else ""
 
     def _check_header(self) -> None:
         if not any(self.header) or all(map(_number, re.split(r"[;\s|,]+", ",".join(self.header)))):
@@ -88,6 +114,8 @@ class CsvSource:
         parse = pyarrow.csv.ParseOptions(delimiter="," if dialect.separator == " " else dialect.separator)
         if dialect.separator == " " and dialect.decimal == ",":
             parse.delimiter = ";"
+        if self._cut:
+            parse.invalid_row_handler = lambda row: "skip" if row.text == self._cut else "error"
         source: Any = self.file
         if dialect.rewritten:
             source = io.BufferedReader(_Rewritten(self.file, dialect, parse.delimiter), BLOCK)

@@ -25,6 +25,7 @@ _ONE = (
     r"|sec|min|h|hr|in|inch|ft|deg|°|degC|°C|K|rpm|RPM|rev|kmh|kph|mph|T|uT|%|1)"
 )
 _UNIT = re.compile(rf"{_ONE}(?:\^?-?\d)?(?:[*/·. ]{_ONE}(?:\^?-?\d)?)*")
+_NAMED = re.compile(r"(.*\S)\s*(\[[^\[\]]*\]|\([^()]*\))\s*")
 _NO_UNIT = frozenset({"", "-", "--", "1", "%", "none", "n/a"})
 
 
@@ -85,6 +86,21 @@ class Dialect:
         if self.separator == " ":
             return line.split()
         return next(csv.reader([line], delimiter=self.separator), [])
+
+
+def unit_in_name(name: str) -> tuple[str, str]:
+    """Return a column's name and its unit, if the name ends in a unit in brackets; else the name and "".
+
+    Examples
+    --------
+    >>> unit_in_name("x pos [mm]"), unit_in_name("yaw rate(deg/s)"), unit_in_name("xyz[2]")
+    (('x pos', 'mm'), ('yaw rate', 'deg/s'), ('xyz[2]', ''))
+    """
+    found = _NAMED.fullmatch(name)
+    if not found or not _is_unit(inside := found[2][1:-1].strip()):
+        return name, ""
+    unit = _bare(inside)
+    return (found[1], unit) if unit else (name, "")
 
 
 def is_comment(line: str) -> bool:

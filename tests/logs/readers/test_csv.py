@@ -78,3 +78,20 @@ def test_a_fault_in_a_dialect_is_named_by_its_line(tmp_path: Path, text: str, sa
     with pytest.raises(InputError) as caught:
         read_log(tmp_path / "a.csv")
     assert said in str(caught.value)
+
+
+def test_units_in_the_names_of_columns_are_used(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_bytes(
+        "Zeit [ms];x (mm);psi[°];thrust [N];xyz[1];y [m];y [mm]\r\n"
+        "0;1,5;9;2;7;1;1000\r\n20;3;18;3;8;2;2000\r\n".encode()
+    )
+    for time in ("Zeit", "Zeit [ms]", "Zeit:ms", "Zeit [ms]:ms"):
+        log = read_log(tmp_path / "a.csv", {"time": time})
+        assert np.allclose(log.time, [0.0, 0.02])
+    assert np.allclose(log["x"], [0.0015, 0.003]) and np.allclose(log["psi"], [np.pi / 20, np.pi / 10])
+    assert log["thrust"].tolist() == [2.0, 3.0] and log["xyz[1]"].tolist() == [7.0, 8.0]
+    assert log["y [m]"].tolist() == [1.0, 2.0] and log["y [mm]"].tolist() == [1000.0, 2000.0]
+    assert any("units in the names of columns" in note for note in log.notes)
+    assert np.allclose(read_log(tmp_path / "a.csv", {"time": "Zeit", "x": "x:cm"})["x"], [0.015, 0.03])
+    with pytest.raises(InputError, match=r"column 'thrust', read as 'N': .*--columns thrust=thrust:UNIT"):
+        read_log(tmp_path / "a.csv", {"time": "Zeit"}, {"thrust": "A"})
