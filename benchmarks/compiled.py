@@ -98,6 +98,21 @@ def rows() -> Iterator[tuple[str, str, str, bool | None]]:
     yield "ratio", f"{slow / fast:.0f} times faster", ">= 400 times", slow / fast >= 400
     yield "largest difference of the tracking error", f"{gap:.1e} m", "< 1e-6 m", gap < 1e-6
 
+    two = ["error_x", "error_y"]
+    works = [
+        lambda o=o: table_one(
+            lambda g, x, p: compiled.simulate(g, x0=x, params=p, outputs=o), scenario, start
+        )
+        for o in (None, two, [])
+    ]
+    every, few, none = (1e3 * seconds for seconds in least(works, 51))
+    yield (
+        f"with {len(fused.block.outputs)} outputs, with 2, with none; least of 51",
+        f"{every:.2f}, {few:.2f}, {none:.2f} ms",
+        "",
+        None,
+    )
+
     for rtol in (1e-6, 1e-8, 1e-10, 1e-12):
         works = [
             lambda m=m, r=rtol: table_one(

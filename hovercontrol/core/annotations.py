@@ -117,6 +117,18 @@ def _parts(inner: tuple[Any, ...]) -> list[Any]:
     return flat
 
 
+def alternatives(hint: Any) -> tuple[Any, ...]:
+    """Return the members of an annotation that is a union, else the annotation; a value must fit one of them.
+
+    Examples
+    --------
+    >>> alternatives(float | None)
+    (<class 'float'>, <class 'NoneType'>)
+    """
+    meant = _meant(hint)
+    return tuple(_parts(typing.get_args(meant))) if typing.get_origin(meant) in _UNIONS else (meant,)
+
+
 def _is_array(hint: Any) -> bool:
     return hint is np.ndarray or typing.get_origin(hint) is np.ndarray
 

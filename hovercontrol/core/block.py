@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any, Literal
@@ -269,6 +269,46 @@ class Block(Backends):
                 self.where(f"{next(iter(left))!r} is an output or definition and has no start value")
             )
         return self.unchecked(**new)
+
+    @checked
+    def with_outputs(self, names: Sequence[str]) -> Block:
+        """Return the Block with only these outputs; every backend then computes no others.
+
+        Parameters
+        ----------
+        names : sequence of str
+            Names of outputs, in the order wanted; may be empty.
+
+        Raises
+        ------
+        InputError
+            If a name is unknown or listed twice.
+
+        Examples
+        --------
+        >>> x, y = Signal("x", "m"), Signal("y", "m")
+        >>> both = Block("both", [], [x], [x, y], output_expressions={"y": 2 * x.symbol})
+        >>> print(both.with_outputs(["y"]).equations())
+        y = 2*x
+        """
+        chosen = tuple(names)
+        if chosen not in self._chosen:
+            own = {s.name: s for s in self.outputs}
+            for k, name in enumerate(chosen):
+                if name not in own:
+                    raise InputError(self.where(f"unknown output {name!r}{did_you_mean(name, own)}"))
+                if name in chosen[:k]:
+                    raise InputError(self.where(f"the output {name!r} is listed twice"))
+            self._chosen[chosen] = self.unchecked(
+                outputs=tuple(own[name] for name in chosen),
+                output_expressions=Expressions((name, self.output_expressions[name]) for name in chosen),
+            )
+        return self._chosen[chosen]
+
+    @cached_property
+    def _chosen(self) -> dict[tuple[str, ...], Block]:
+        """The Blocks of :meth:`with_outputs` made before."""
+        return {}
 
     @checked
     def parameter(self, name: str) -> Signal:

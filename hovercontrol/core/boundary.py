@@ -25,7 +25,7 @@ from typing import Any, Literal, TypeVar
 
 import numpy as np
 
-from hovercontrol.core.annotations import LOOKED_AT, described, fits, innermost, usual_types
+from hovercontrol.core.annotations import LOOKED_AT, alternatives, described, fits, innermost, usual_types
 from hovercontrol.errors import InputError, did_you_mean, shown
 
 Thing = TypeVar("Thing", bound=Callable[..., Any])
@@ -96,6 +96,7 @@ class _Gate:
         self.parameters = {one.name: one for one in found}
         self.skipped = int(bound)
         self.hints: dict[str, Any] = {}
+        self.kinds: dict[str, tuple[Any, ...]] = {}
 
     def function(self) -> Callable[..., Any]:
         inner, skipped = self.inner, self.skipped
@@ -108,6 +109,7 @@ class _Gate:
             nonlocal rest, ready
             if not ready:
                 self.hints = self._read()
+                self.kinds = {key: alternatives(hint) for key, hint in self.hints.items()}
                 usual.update({key: usual_types(hint) for key, hint in self.hints.items()})
                 order[:] = self._positions()
                 rest = next((p.name for p in self._of(inspect.Parameter.VAR_POSITIONAL)), "")
@@ -152,15 +154,16 @@ class _Gate:
         return found
 
     def _look(self, key: str, value: Any, caller: FrameType) -> None:
-        if value is not self.parameters[key].default and not fits(value, self.hints[key]):
-            where, part, hint = innermost(key, value, self.hints[key])
-            nearest = ""
-            if typing.get_origin(hint) is Literal and isinstance(part, str):
-                nearest = did_you_mean(part, typing.get_args(hint))
-                nearest = "" if nearest.startswith("; known") else nearest  # the message lists them all
-            expected = described(hint)
-            text = f"{self.name}: {where}: expected {expected}, found {shown(part)}{nearest}"
-            raise InputError(text) if called_by_user(caller) else TypeError(text)
+        if value is self.parameters[key].default or any(fits(value, kind) for kind in self.kinds[key]):
+            return
+        where, part, hint = innermost(key, value, self.hints[key])
+        nearest = ""
+        if typing.get_origin(hint) is Literal and isinstance(part, str):
+            nearest = did_you_mean(part, typing.get_args(hint))
+            nearest = "" if nearest.startswith("; known") else nearest  # the message lists them all
+        expected = described(hint)
+        text = f"{self.name}: {where}: expected {expected}, found {shown(part)}{nearest}"
+        raise InputError(text) if called_by_user(caller) else TypeError(text)
 
     def _blame(self, error: Exception, args: tuple[Any, ...], kwargs: Mapping[str, Any]) -> None:
         """Raise a one-line error if an argument is empty, or a number in it is not finite or too large."""

@@ -8,7 +8,7 @@ input jumps.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -50,6 +50,7 @@ def simulate(
     rtol: float = 1e-6,
     atol: float = 1e-9,
     max_step: float = math.inf,
+    outputs: Sequence[str] | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> control.TimeResponseData:
     """Simulate a Block over a time grid.
@@ -72,6 +73,8 @@ def simulate(
         As for :func:`scipy.integrate.solve_ivp`. If the Block has time-dependent switches (waypoints,
         pulses), the step size is at most half the shortest time between two switches, so that no step skips
         one. A hybrid Block ignores `method`: it is integrated between ticks by the Dormand-Prince method.
+    outputs : sequence of str, optional
+        Names of the outputs to compute (default: all).
     progress : callable, optional
         Called with the time reached [s], often during the run.
 
@@ -96,6 +99,8 @@ def simulate(
     [0.0, 0.0, 1.0]
     """
     block = block.in_continuous_time
+    if outputs is not None:
+        block = block.with_outputs(outputs)
     times = checked_times(time)
     u = input_rows(block, inputs, times)
     x = initial_state(block, x0)
@@ -126,8 +131,8 @@ def simulate(
             raise InputError(f"block {block.name!r}: the inputs of a hybrid block hold, found hold={hold!r}")
         longest = min(max_step, longest_step(block, params, times[0], times[-1]))
         states = run_hybrid(block, times, u, x, p, rtol=rtol, atol=atol, longest=longest, progress=progress)
-        outputs = numpy_functions(block).outputs(times, states, u, params)
-        return time_response(block, times, outputs, states, u)
+        y = numpy_functions(block).outputs(times, states, u, params)
+        return time_response(block, times, y, states, u)
     states = np.empty((len(block.states), len(times)))
     states[:, 0] = x
     rhs = numpy_functions(block).scalar_pair("derivatives")
@@ -161,9 +166,8 @@ def simulate(
             if not result.success or not np.isfinite(result.y).all():
                 raise effort.stopped(*latest, result.message.rstrip("."))
             states[:, first : last + 1] = result.y
-    functions = numpy_functions(block)
-    outputs = functions.outputs(times, states, u, params)
-    return time_response(block, times, outputs, states, u, held=hold == "zero")
+    y = numpy_functions(block).outputs(times, states, u, params)
+    return time_response(block, times, y, states, u, held=hold == "zero")
 
 
 def time_response(

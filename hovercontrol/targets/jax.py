@@ -171,6 +171,7 @@ class JaxFunctions:
         step: float | None = None,
         rtol: float = 1e-6,
         atol: float = 1e-9,
+        outputs: Sequence[str] | None = None,
     ) -> Run:
         """Return a run over a time grid as a pure function, for ``jax.jit``, ``jax.grad`` and ``jax.vmap``.
 
@@ -187,6 +188,8 @@ class JaxFunctions:
             Step size of rk4 [s], required; maximum step size of dormand-prince.
         rtol, atol : float, optional
             Relative and absolute tolerance of dormand-prince.
+        outputs : sequence of str, optional
+            Names of the outputs to compute (default: all).
 
         Returns
         -------
@@ -214,7 +217,7 @@ class JaxFunctions:
         """
         from hovercontrol.targets.jax_run import run_function
 
-        return run_function(self, time, inputs, method, step, rtol, atol)
+        return run_function(self._selected(outputs), time, inputs, method, step, rtol, atol)
 
     @checked
     def simulate(
@@ -228,12 +231,13 @@ class JaxFunctions:
         step: float | None = None,
         rtol: float = 1e-6,
         atol: float = 1e-9,
+        outputs: Sequence[str] | None = None,
     ) -> control.TimeResponseData:
         """Simulate over a time grid; as :meth:`.compiled.CompiledBlock.simulate`.
 
         Parameters
         ----------
-        time, inputs, x0, params, method, step, rtol, atol
+        time, inputs, x0, params, method, step, rtol, atol, outputs
             As for that method.
 
         Raises
@@ -243,7 +247,7 @@ class JaxFunctions:
         """
         from hovercontrol.targets.jax_run import simulate
 
-        return simulate(self, time, inputs, x0, params, method, step, rtol, atol)
+        return simulate(self._selected(outputs), time, inputs, x0, params, method, step, rtol, atol)
 
     @checked
     def sweep(
@@ -260,6 +264,7 @@ class JaxFunctions:
         step: float | None = None,
         rtol: float = 1e-6,
         atol: float = 1e-9,
+        outputs: Sequence[str] | None = None,
         chunk: int | None = None,
         progress: Callable[[int], None] | None = None,
     ) -> SweepResult:
@@ -267,7 +272,7 @@ class JaxFunctions:
 
         Parameters
         ----------
-        time, params, x0, inputs, start, band, threads, step, rtol, atol, progress
+        time, params, x0, inputs, start, band, threads, step, rtol, atol, outputs, progress
             As for :meth:`.compiled.CompiledBlock.sweep`.
         method : {"rk4", "dormand-prince"}, optional
             With rk4, the step is the same for all runs of a chunk.
@@ -288,8 +293,9 @@ class JaxFunctions:
         from hovercontrol.targets.jax_sweep import sweep
 
         return sweep(
-            self, time, params, x0, inputs, start, band, threads, method, step, rtol, atol, chunk, progress
-        )
+            self._selected(outputs), time, params, x0, inputs, start, band, threads, method, step, rtol, atol,
+            chunk, progress,
+        )  # fmt: skip
 
     # ---- inside --------------------------------------------------------------------------------------
 
@@ -297,6 +303,14 @@ class JaxFunctions:
     def plain(self) -> JaxFunctions:
         """The functions of the Block without its delays, whose inputs are those that arrive."""
         return JaxFunctions(undelayed(self.block)) if self.block.delays else self
+
+    def _selected(self, outputs: Sequence[str] | None) -> JaxFunctions:
+        """Return the functions with these outputs only, traced once for each selection."""
+        if outputs is None:
+            return self
+        block = self.block.with_outputs(outputs)
+        made: JaxFunctions = self.cached(("outputs", tuple(outputs)), lambda: JaxFunctions(block))
+        return made
 
     def rows(self, rows: str | int) -> Function:
         """Return the unchecked function ``(t, x, u, p) -> tuple``.
