@@ -12,7 +12,8 @@ function of one:
 ========= ============= ========== =================
 
 So a model file needs nothing else to hold one (``law_r__abs_v__r = -0.64``), and the unit of its coefficient
-follows from the signals.
+follows from the signals. One factor may remember its signal: ``filtered_a``, written a_f, is a behind a
+filter of first order, ``tau a_f' = a - a_f``, from rest, with a time constant of its own.
 """
 
 from __future__ import annotations
@@ -23,10 +24,11 @@ from typing import Any, ClassVar
 
 import sympy as sp
 
+from hovercontrol.core.signals import Signal
 from hovercontrol.core.units import DIMENSIONLESS, dimension, unit_text
 from hovercontrol.effects.base import Effect
-from hovercontrol.effects.coefficient import Coefficient
-from hovercontrol.effects.generic_classes import make_class, remembered
+from hovercontrol.effects.coefficient import TINY, Coefficient, Shape
+from hovercontrol.effects.generic_classes import make_class, remembered, word
 from hovercontrol.effects.law_causes import cause
 from hovercontrol.errors import InputError, did_you_mean
 
@@ -35,6 +37,9 @@ PREFIX = "law_"
 
 #: Names of commands of a craft.
 COMMANDS = ("thrust", "rudder", "fan_x", "fan_y", "fan_torque")
+
+#: Time constants from which the fit of a memory starts, in steps between rows of a log.
+TAUS = (4.0, 12.0, 40.0, 120.0)
 
 #: What stands between the parts of a name.
 BETWEEN = "__"
@@ -59,7 +64,11 @@ OPERATIONS: Mapping[str, Operation] = {
     "cos": Operation(sp.cos, 0, "cos({})"),
     "sin2": Operation(lambda a: sp.sin(2 * a), 0, "sin(2 {})"),
     "cos2": Operation(lambda a: sp.cos(2 * a), 0, "cos(2 {})"),
+    "filtered": Operation(lambda a: a, 1, "{}_f"),  # of the state that holds the filtered signal
 }
+
+#: The function of a signal that has a memory.
+FILTERED = "filtered"
 
 
 @dataclass(frozen=True)
@@ -115,13 +124,35 @@ class Law(Effect):
 
     @classmethod
     def complexity(cls) -> int:
-        """Return the number of factors and powers: 2 for ``abs(v) v``, 3 for ``v^3``."""
-        return sum(max(OPERATIONS[f.operation].power, 1) for f in cls.product)
+        """Return the number of factors, powers and memories: 2 for ``abs(v) v``, 3 for ``v^3``."""
+        return sum(max(OPERATIONS[f.operation].power, 1) + (f.operation == FILTERED) for f in cls.product)
 
     @classmethod
     def text(cls) -> str:
         """Return the form as a reader writes it, ``"abs(v) r"``."""
         return " ".join(f.text for f in cls.product)
+
+
+class MemoryLaw(Law):
+    """A law with one factor that is a signal behind a filter of first order, a state of its own.
+
+    Attributes
+    ----------
+    memory : Signal
+        The state: ``tau memory' = signal - memory``, from rest.
+    """
+
+    memory: ClassVar[Signal]
+
+    def form(self, s: Any) -> sp.Expr:
+        held = self.memory.symbol
+        return sp.Mul(
+            *(f.expression(held if f.operation == FILTERED else getattr(s, f.signal)) for f in self.product)
+        )
+
+    def states(self, c: Any, s: Any) -> dict[Signal, sp.Expr]:
+        (signal,) = (f.signal for f in self.product if f.operation == FILTERED)
+        return {self.memory: (getattr(s, signal) - self.memory.symbol) / c.tau}
 
 
 def is_law(name: str) -> bool:
@@ -190,6 +221,8 @@ def law_class(name: str, units: Mapping[str, str]) -> type[Law]:
         hint = did_you_mean(equation, units)
         raise InputError(f"law {name!r}: no equation of {equation!r}{hint}; expected law_r__abs_v__r")
     factors = tuple(_factor(name, w, units) for w in words)
+    if sum(f.operation == FILTERED for f in factors) > 1:
+        raise InputError(f"law {name!r}: two filtered factors; one is the most")
     used = {s: units[s] for s in (equation, *(f.signal for f in factors))}
     made: type[Law] = _law(name, equation, factors, tuple(used.items()))  # type: ignore[assignment]
     return made
@@ -212,16 +245,27 @@ def _law(
     of = dict(units)
     text = " ".join(f.text for f in factors)
     known = cause(equation, [f.word for f in factors], COMMANDS)
+    signal = next((f.signal for f in factors if f.operation == FILTERED), "")
+    sentence = f"A term c {text} in {equation}'"
+    if signal:
+        sentence += f", where tau {signal}_f' = {signal} - {signal}_f, from rest"
     return make_class(
         name,
-        (Law,),
-        f"A term c {text} in {equation}'." + (f" Of this form is {known}." if known else ""),
+        (MemoryLaw if signal else Law,),
+        f"{sentence}." + (f" Of this form is {known}." if known else ""),
         "found in measured logs",
         equation=equation,
         product=factors,
         value=Coefficient(unit_of(of[equation], factors, of)),
         axis=equation,
+        **(_memory(name, signal, of[signal]) if signal else {}),
     )
+
+
+def _memory(name: str, signal: str, unit: str) -> dict[str, Any]:
+    """Return what a law with a memory declares: its state and its time constant."""
+    state = Signal(f"{word(name)}_memory", unit, f"{signal} behind a filter of first order")
+    return {"memory": state, "tau": Shape("s", lower=TINY, search=TAUS, of="step")}
 
 
 def unit_of(unit: str, factors: tuple[Factor, ...], units: Mapping[str, str]) -> str:

@@ -19,6 +19,10 @@ _OF_CRAFT: tuple[tuple[str, tuple[frozenset[str], ...], str], ...] = (
 
 #: Of any machine: a factor, and the cause.
 _OF_FACTOR: tuple[tuple[str, str], ...] = (
+    (
+        "filtered",
+        "what follows a command late: a motor that spins up, a cushion that fills, a wake",
+    ),
     ("time", "something that drifts: a battery, wear, warming"),
     ("sin2", "a force of twice the angle: cogging, a misaligned pair of poles"),
     ("cos2", "a force of twice the angle: cogging, a misaligned pair of poles"),

@@ -10,7 +10,7 @@ import sympy as sp
 
 from hovercontrol.core.block import Block
 from hovercontrol.core.units import DIMENSIONLESS, dimension
-from hovercontrol.effects.law import Factor, law_name
+from hovercontrol.effects.law import FILTERED, Factor, law_name
 from hovercontrol.estimation.subject import Subject, structure
 
 #: Functions of one signal that stand alone.
@@ -35,11 +35,14 @@ class Signals:
         Positions whose sine and cosine are tried.
     places : tuple of str
         Coordinates of a craft on its floor: tried alone and turned into the body frame.
+    inputs : tuple of str
+        Commands as they act: tried behind a filter of first order, too.
     """
 
     moving: tuple[str, ...]
     angles: tuple[str, ...]
     places: tuple[str, ...]
+    inputs: tuple[str, ...]
 
 
 def signals_of(model: Subject) -> Signals:
@@ -48,18 +51,20 @@ def signals_of(model: Subject) -> Signals:
     Examples
     --------
     >>> import hovercontrol as hc
-    >>> signals_of(hc.vehicle("c17_experiment"))
-    Signals(moving=('u', 'v', 'r', 'thrust', 'rudder'), angles=('psi',), places=('x', 'y'))
+    >>> signals_of(hc.vehicle("c17_experiment"))  # doctest: +NORMALIZE_WHITESPACE
+    Signals(moving=('u', 'v', 'r', 'thrust', 'rudder'), angles=('psi',), places=('x', 'y'),
+            inputs=('thrust', 'rudder'))
     """
     units = model.law_units()
     if model.is_craft:
         driven = structure(model).inputs
         commands = [n for n in units if n not in model.motion and n != "time"]
         used = [n for n in commands if n.startswith("fan_") or n in {s.name for s in driven}]
-        return Signals(("u", "v", "r", *used), ("psi",), ("x", "y"))
+        return Signals(("u", "v", "r", *used), ("psi",), ("x", "y"), tuple(used))
     block = structure(model)
     angles = [s.name for s in block.states if s.name in units and _is_angle(block, s.name)]
-    return Signals(tuple(n for n in units if n != "time"), tuple(angles), ())
+    inputs = tuple(s.name for s in block.inputs if s.name in units)
+    return Signals(tuple(n for n in units if n != "time"), tuple(angles), (), inputs)
 
 
 def _is_angle(block: Block, name: str) -> bool:
@@ -75,7 +80,8 @@ def law_names(model: Subject) -> list[str]:
     In each equation: one signal as ``a``, ``abs(a)``, ``abs(a) a``, ``a^2``, ``a^3``; products of two as ``a
     b``, ``abs(a) b``, ``a abs(b)``, ``a^2 b``, ``a b^2``; the sine and cosine of an angle and of its double,
     alone and times a signal; place, alone and turned into the body frame; the time since the log's start,
-    alone and times a signal. At most three powers, at most two signals.
+    alone and times a signal; a command behind a filter of first order. At most three powers, at most two
+    signals.
 
     Parameters
     ----------
@@ -122,6 +128,8 @@ def _forms(signals: Signals) -> Iterator[tuple[Factor, ...]]:
     yield (Factor("", "time"),)
     for a in signals.moving:
         yield Factor("", "time"), Factor("", a)
+    for command in signals.inputs:
+        yield (Factor(FILTERED, command),)
 
 
 def same_form(one: sp.Expr, other: sp.Expr) -> bool:

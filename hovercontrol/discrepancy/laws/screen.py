@@ -13,7 +13,8 @@ from hovercontrol.discrepancy.laws.symmetry import Signs, broken_by, symmetries
 from hovercontrol.discrepancy.search.candidates import Candidate, candidates
 from hovercontrol.discrepancy.search.fit import TRIALS
 from hovercontrol.discrepancy.search.score import Scores
-from hovercontrol.effects.law import Law
+from hovercontrol.effects import Effect
+from hovercontrol.effects.law import Law, MemoryLaw
 from hovercontrol.estimation.fit import Fit
 from hovercontrol.estimation.subject import Subject
 
@@ -37,11 +38,14 @@ class LikelyLaw:
         On left-out blocks, alone or with its partner.
     same : dict of str to bool
         Laws that these logs do not tell from it, and whether each breaks more symmetries of the model.
+    trials : dict of str to Law
+        These laws as they were tried, of a law with a memory at the likeliest of its time constants.
     """
 
     name: str
     gain: float
     same: dict[str, bool]
+    trials: dict[str, Law]
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,19 +102,27 @@ def screened(fit: Fit, names: Sequence[str], criteria: Criteria, given: Subject)
     """
     model = fit.problem.model
     have = {e.name for e in model.effects}
-    trials = [model.effect_class(n)(1.0) for n in names if n not in have]
+    tried = _tried(fit, [n for n in names if n not in have])
     known = [c for c in candidates(fit) if len(c.amplitudes) == 1 and type(c.trial).kind() == "force"]
-    scores = Scores(fit, [*(Candidate(e.name, e, ("value",)) for e in trials), *known])
-    return _Screening(scores, [type(e) for e in trials], criteria, symmetries(given)).result()
+    scores = Scores(fit, [*tried, *known])
+    return _Screening(scores, [c.trial for c in tried], criteria, symmetries(given)).result()
+
+
+def _tried(fit: Fit, names: Sequence[str]) -> list[Candidate]:
+    """Return trials of laws; of a law with a memory, one for each time constant."""
+    classes = {n: fit.problem.model.effect_class(n) for n in names}
+    lasting = [n for n, cls in classes.items() if issubclass(cls, MemoryLaw)]
+    prompt = [Candidate(n, cls(1.0), ("value",)) for n, cls in classes.items() if n not in lasting]
+    return [*prompt, *(candidates(fit, lasting) if lasting else [])]
 
 
 class _Screening:
     """The table of laws (the first columns) and of what the catalogue has, and the choice on it."""
 
-    def __init__(self, scores: Scores, laws: Sequence[type], criteria: Criteria, signs: Signs) -> None:
+    def __init__(self, scores: Scores, trials: Sequence[Effect], criteria: Criteria, signs: Signs) -> None:
         self.scores = scores
-        self.laws = [cls for cls in laws if issubclass(cls, Law)]
-        self.broken = [broken_by(cls, signs) for cls in self.laws]
+        self.laws = [e for e in trials if isinstance(e, Law)]
+        self.broken = [broken_by(type(e), signs) for e in self.laws]
         n = len(self.laws)
         told = np.array([scores.of(i).gain > 0.0 for i in range(n)])  # the model does not have it already
         rho = scores.correlations()
@@ -122,34 +134,37 @@ class _Screening:
         self.gains = np.array([scores.left_out_gain(i) if self.open[i] else 0.0 for i in range(n)])
 
     def result(self) -> Screened:
-        found: dict[int, LikelyLaw] = {}
-        order = [int(i) for i in np.argsort(-self.gains, kind="stable") if self.gains[i] >= self.least]
-        for i in order:
-            if len(found) < ALONE:
-                best, group = self._named(i)
-                found.setdefault(best, self._likely(best, group, self.gains[i]))
-        for i in list(found)[:PARTNERS]:
+        found: dict[str, LikelyLaw] = {}
+        tops: list[int] = []
+        for i in np.argsort(-self.gains, kind="stable").tolist():
+            if self.gains[i] >= self.least and len(found) < ALONE and self.laws[i].name not in found:
+                likely = self._likely(i, self.gains[i])
+                tops += [i] if found.setdefault(likely.name, likely) is likely else []
+        for i in tops[:PARTNERS]:
             j, gain = self._partner(i)
             if gain > self.gains[i] + self.least:
-                best, group = self._named(j)
-                found.setdefault(best, self._likely(best, group, gain))
+                likely = self._likely(j, gain)
+                found.setdefault(likely.name, likely)
         return Screened(sorted(found.values(), key=lambda s: -s.gain), self.tests)
 
-    def _named(self, i: int) -> tuple[int, list[int]]:
-        """Return the law by whose name a group of indistinguishable ones goes, and the group."""
-        group = [
-            int(j) for j in np.flatnonzero(self.open & (self.alike[i] | (np.arange(len(self.laws)) == i)))
-        ]
-        best = min(group, key=lambda j: (self.broken[j], self.laws[j].complexity(), -self.gains[j]))
-        return best, group
-
-    def _likely(self, best: int, group: list[int], gain: float) -> LikelyLaw:
-        same = {self.laws[j].name: self.broken[j] > self.broken[best] for j in group if j != best}
-        return LikelyLaw(self.laws[best].name, float(gain), same)
+    def _likely(self, i: int, gain: float) -> LikelyLaw:
+        """Return a law with those that these logs do not tell from it, under the name of the simplest."""
+        group: dict[str, int] = {}  # a law with a memory: at the time constant that gains most
+        for j in np.flatnonzero(self.open & (self.alike[i] | (np.arange(len(self.laws)) == i))).tolist():
+            other = group.setdefault(self.laws[j].name, j)
+            group[self.laws[j].name] = max(j, other, key=lambda k: (k == i, self.gains[k]))
+        best = min(group.values(), key=lambda j: (self.broken[j], self.laws[j].complexity(), -self.gains[j]))
+        own = self.laws[best].name
+        same = {n: self.broken[j] > self.broken[best] for n, j in group.items() if n != own}
+        return LikelyLaw(own, float(gain), same, {n: self.laws[j] for n, j in group.items()})
 
     def _partner(self, i: int) -> tuple[int, float]:
         """Return the law that gains most beside another one, and their gain together."""
         own = self.scores.columns_of(i)
-        others = [int(j) for j in np.flatnonzero(self.open & ~self.alike[i]) if j != i]
+        others = [j for j in np.flatnonzero(self.open & ~self.alike[i]).tolist() if self._other(i, j)]
         gains = [self.scores.left_out_gain_of((*own, *self.scores.columns_of(j))) for j in others]
         return (others[int(np.argmax(gains))], max(gains)) if gains else (i, 0.0)
+
+    def _other(self, i: int, j: int) -> bool:
+        """Return whether two trials are of different laws, not of one law at two time constants."""
+        return self.laws[i].name != self.laws[j].name

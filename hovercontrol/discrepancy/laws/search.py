@@ -201,7 +201,7 @@ def _with_same(search: Search, selection: Selection, few: list[LikelyLaw]) -> Se
             if breaks_more:
                 more.append(Rival(other, n, 0.0, 0.0, mine, same=True))
                 continue
-            t = try_effect(search, less, search.model.effect_class(other).small())
+            t = try_effect(search, less, by_name[n].trials[other].neutral())
             if t is None:
                 continue
             behind, score = criteria.penalised(t.fit) - criteria.penalised(mine), surely(t.fit, mine)

@@ -6,6 +6,7 @@ along the fixed path of the fit, carried to the next row. For the channels, it i
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
 
@@ -127,8 +128,18 @@ class Along:
         effects : sequence of Effect
             Each adds a coefficient times a form to one equation; at their trial values.
         """
-        for e, form in zip(effects, self.forms(effects), strict=True):
+        for e, form in zip(effects, self._forms_in_turn(effects), strict=True):
             yield self.carried(e.equation, e.values["value"] * form)
+
+    def _forms_in_turn(self, effects: Sequence[Effect]) -> list[Array]:
+        """Return the form of each effect; one effect may be there several times, with other numbers."""
+        turn = Counter[str]()
+        order = [(turn.update([e.name]), turn[e.name])[1] for e in effects]
+        found: dict[int, Array] = {}
+        for now in sorted(set(order)):
+            at = [k for k, one in enumerate(order) if one == now]
+            found |= dict(zip(at, self.forms([effects[k] for k in at]), strict=True))
+        return [found[k] for k in range(len(effects))]
 
     def forms(self, effects: Sequence[Effect]) -> list[Array]:
         """Return the form of each effect, its term per coefficient, in the middles of sub-steps (M, W)."""
