@@ -263,7 +263,7 @@ def refuse_twice(command: str, names: Sequence[str], held: Sequence[str] = ()) -
 
 
 def reader(
-    model: Model | BlockModel | None,
+    model: Model | BlockModel | FmuPlant | None,
     columns: str,
     bench: Path | None,
     bench_fans: int,
@@ -277,7 +277,10 @@ def reader(
     """Return a function that reads logs by the options of a command; without a model all columns are read."""
     from hovercontrol.logs import BenchTable, Condition, gather
     from hovercontrol.logs.frames import in_z_up
+    from hovercontrol.models.blockmodel import BlockModel
+    from hovercontrol.models.model import Model
 
+    known = model if model is None or isinstance(model, Model | BlockModel) else BlockModel(model.reading)
     table = BenchTable.from_csv(bench, fans=bench_fans) if bench else None
     condition = Condition.parse(only_while) if only_while else None
     renamed, codes = pairs(columns), numbers(missing, "--missing")
@@ -285,7 +288,7 @@ def reader(
     def read(files: str) -> Log:
         log = gather(
             files,
-            model=model,
+            model=known,
             columns=renamed,
             bench=table,
             only_while=condition,
