@@ -41,7 +41,17 @@ ModelFile = Annotated[
     str | None,
     typer.Option(
         "--model",
-        help="Model file (TOML), or FILE.py:NAME of a Model, BlockModel or Block; FILE.fmu with --fit.",
+        help="Model file (TOML), or FILE.py:NAME of a Model, BlockModel or Block; or an FMU, FILE.fmu.",
+    ),
+]
+Runs = Annotated[
+    str | None,
+    typer.Option("--model", help="A model file, FILE.py:NAME or FILE.fmu in place of the argument."),
+]
+Commands = Annotated[
+    str,
+    typer.Option(
+        "--commands", metavar="LOG", help="Log whose commands drive a model file, a Block or an FMU."
     ),
 ]
 Fit = Annotated[
@@ -51,7 +61,9 @@ Fit = Annotated[
 Params = Annotated[
     Path | None,
     typer.Option(
-        "--params", help="Values and effects of the model: a parameters.toml from identify or diagnose."
+        "--params",
+        help="Values and effects of the model: a parameters.toml from identify or diagnose; "
+        "of an FMU its start_values.csv.",
     ),
 ]
 Holdout = Annotated[
@@ -162,11 +174,25 @@ def fmu_of(command: str, model: str | None, fit: str, params: Path | None = None
         if fit:
             raise InputError(f"{command}: --fit belongs to an FMU; expected --model FILE.fmu")
         return None
-    if params:
-        raise InputError(f"{command}: --params belongs to a model FILE.py:NAME, found {model}")
     from hovercontrol.fmi.replay.plant import fmu_plant
+    from hovercontrol.fmi.replay.start_values import read_csv
 
-    return fmu_plant(model, listed(fit, "--fit") or [])
+    return fmu_plant(model, listed(fit, "--fit") or [], values=read_csv(params) if params else None)
+
+
+def run_of(command: str, named: str, model: str | None) -> str:
+    """Return what is to be run: the argument of a command, or the value of ``--model`` in its place.
+
+    Raises
+    ------
+    InputError
+        If both are given.
+    """
+    if named and model:
+        raise InputError(
+            f"{command}: --model takes the place of the argument {named!r}; expected one of them"
+        )
+    return model or named
 
 
 def craft(command: str, model: str | None, vehicle: str | None) -> Model:

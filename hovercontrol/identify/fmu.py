@@ -27,8 +27,9 @@ from hovercontrol.fmi.replay.rows import trials_of
 from hovercontrol.fmi.replay.runs import RunFailed
 from hovercontrol.fmi.replay.start_values import save_around, save_copy, save_csv, save_ssv
 from hovercontrol.fmi.replay.unknowns import Unknowns
-from hovercontrol.identify.result import Fitted, aligned
+from hovercontrol.identify.result import Fitted
 from hovercontrol.io.folders import write_folder
+from hovercontrol.io.text_table import aligned
 from hovercontrol.logs.log import Log
 
 Array = NDArray[np.float64]
@@ -253,7 +254,7 @@ def identified(fit: FmuFit, held: Mapping[str, Mapping[str, float]]) -> FmuIdent
     for k, j in enumerate(own):
         u, value, std = unknowns.every[j], float(fit.values[j]), float(np.sqrt(C[k, k]))
         bound = "lower" if value <= u.lower else "upper" if value >= u.upper else ""
-        std = std if std < EXCITATION.no_information * u.size else np.inf
+        std = std if max(std, alone[k]) < EXCITATION.no_information * u.size else np.inf
         first = start.value(u.name) if u.place == "fmu" else start.around.values[u.name]
         why = reason(u.name, std, size[k], alone[k], directions, u.unit, ())
         found.append(Fitted(u.name, value, std, u.unit, first, bound, why))

@@ -18,12 +18,13 @@ from hovercontrol.estimation.subject import Subject, structure
 from hovercontrol.fmi.replay.plant import FmuPlant
 from hovercontrol.identify import identify
 from hovercontrol.identify.fmu import trial_fit
-from hovercontrol.identify.result import Fitted, aligned
+from hovercontrol.identify.result import Fitted
 from hovercontrol.io.folders import write_folder
 from hovercontrol.io.percent import percent
 from hovercontrol.io.plain_json import json_text, plain
 from hovercontrol.io.pyplot import open_in_pyplot
 from hovercontrol.io.short_repr import cut
+from hovercontrol.io.text_table import aligned
 from hovercontrol.log_check.facts import Array, Column, LogFacts, Timing, facts
 from hovercontrol.logs import Log
 from hovercontrol.models.blockmodel import BlockModel

@@ -153,6 +153,9 @@ def minimise(unknowns: Unknowns, values: Array, white: Whitening, most: int) -> 
     for _ in range(most):
         g, S = _normal(unknowns, values, base, white)
         free = ~(((values <= unknowns.lower) & (g < 0)) | ((values >= unknowns.upper) & (g > 0)))
+        free &= np.diag(S) > 0.0  # one that changes no output keeps its value
+        if not free.any():
+            return values, True
         scale = np.sqrt(np.maximum(np.diag(S), 1e-300))
         scale = np.maximum(scale, 1e-8 / unknowns.size)
         R = (S / np.outer(scale, scale))[np.ix_(free, free)]

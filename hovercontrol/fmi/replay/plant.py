@@ -47,6 +47,19 @@ class Parameter:
     upper: float
     description: str
 
+    def check(self, value: float, name: str = "") -> float:
+        """Return a value that is within the bounds.
+
+        Raises
+        ------
+        InputError
+            If it is outside.
+        """
+        if self.lower <= value <= self.upper:
+            return value
+        bounds = f"[{self.lower:g}, {self.upper:g}]"
+        raise InputError(f"{name or self.name} = {value:.9g} {self.unit} is out of its bounds {bounds}")
+
 
 @checked
 @dataclass(frozen=True, eq=False)
@@ -122,7 +135,7 @@ class FmuPlant:
     @cached_property
     def parameters(self) -> dict[str, Parameter]:
         """The FMU's parameters that are real numbers, by name."""
-        bounds = _bounds(self.source.unpacked.folder / "modelDescription.xml")
+        bounds = bounds_of(self.source.unpacked.folder / "modelDescription.xml")
         found = {}
         for v in self.interface.parameters:
             if v.kind in REALS:
@@ -450,7 +463,7 @@ def _word(label: str) -> str:
     return label
 
 
-def _bounds(path: Path) -> dict[int, tuple[float, float]]:
+def bounds_of(path: Path) -> dict[int, tuple[float, float]]:
     """Return the bounds of real variables by value reference, from the model description."""
     found = {}
     for element in ElementTree.parse(path).getroot().iterfind("ModelVariables/*"):
