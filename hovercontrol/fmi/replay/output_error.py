@@ -212,7 +212,8 @@ def accurate(plant: FmuPlant, logs: Sequence[Rows]) -> FmuPlant:
             if "process" in why:  # it crashed or hung
                 raise InputError(f"FMU {plant.name!r} failed on {rows.name}: {why}") from None
         if found is not None and last is not None:
-            spread = np.maximum(np.nanstd(rows.values, axis=0), 1e-12)
+            spread = np.where(np.isfinite(rows.values), rows.values, found).std(axis=0)
+            spread = np.maximum(spread, 1e-12)
             if float(np.max(np.median(np.abs(found - last), axis=0) / spread)) <= ACCURACY:
                 return replace(plant, pieces=max(pieces // 2, 1))
         last, pieces = found, pieces * 2

@@ -26,6 +26,7 @@ from hovercontrol.fmi.importer.values import checked_name
 from hovercontrol.fmi.replay.added import Added
 from hovercontrol.fmi.replay.runs import RunFailed, Runs
 from hovercontrol.fmi.replay.signals import driven, through
+from hovercontrol.io.files import readable
 
 Array = NDArray[np.float64]
 
@@ -391,7 +392,7 @@ def fmu_plant(
     >>> plant = fmu_plant("plant.fmu", fit=["mass"])  # doctest: +SKIP
     >>> found = hc.identify(plant, [hc.read_log("run.csv")])  # doctest: +SKIP
     """
-    path = Path(path)
+    path = readable(path, "an FMU")
     if not isinstance(timeout, (int, float)) or not 0 < timeout < math.inf:
         raise InputError(f"{path}: timeout [s] must be a positive number, found {timeout!r}")
     source = _open(path, kind, strict)
