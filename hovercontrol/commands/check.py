@@ -36,6 +36,7 @@ def check(
         ),
     ] = None,
     params: given.Params = None,
+    fit: given.Fit = "",
     columns: given.Columns = "",
     bench: given.Bench = None,
     bench_fans: given.BenchFans = 2,
@@ -50,7 +51,8 @@ def check(
 
     Reports for each log its rate, gaps, jitter and clock; for each column range, noise, resolution and
     outliers; with a model also whether units, signs and clocks agree with it and which
-    coefficients a fit could estimate. Writes check.txt, check.json, check.png and check.svg.
+    coefficients a fit could estimate. Of an FMU (--model plant.fmu) these are the parameters
+    that --fit names, or all that are real numbers. Writes check.txt, check.json, check.png and check.svg.
 
     Exit status 1 if a log cannot be used as it is, or a coefficient cannot be estimated.
     """
@@ -64,13 +66,15 @@ def check(
     given.refuse_twice("check", logs)
     if params and not (model or vehicle):
         raise InputError("check: --params belongs to a model; expected --model or --vehicle as well")
-    known = given.model_of("check", model, vehicle, params) if model or vehicle else None
-    inputs = [s.name for s in known.plant(late=True).inputs] if known else []
+    plant = given.fmu_of("check", model, fit, params)
+    known = given.model_of("check", model, vehicle, params) if (model or vehicle) and not plant else None
+    signals = plant.inputs if plant else known.plant(late=True).inputs if known else ()
+    inputs = [s.name for s in signals]
     if not columns and (topics := topics_of(logs, inputs, model, vehicle)):
         print(topics)
         return 1
     read = given.reader(
-        known, columns, bench, bench_fans, only_while, settle, frame, missing=missing, trial=trial
+        plant or known, columns, bench, bench_fans, only_while, settle, frame, missing=missing, trial=trial
     )
     with given.progress_bar("check", 1.0) as report:
         report(0.0, "reading logs")
@@ -90,7 +94,7 @@ def check(
             raise wrong
         found = find(
             every,
-            known,
+            plant or known,
             files=written,
             unread=unread,
             progress=lambda part, what: report(0.05 + 0.9 * part, what),

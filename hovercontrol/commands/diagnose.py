@@ -79,17 +79,9 @@ def diagnose(
     plant = given.fmu_of("diagnose", model, fit, params)
     if plant is not None:
         from hovercontrol.discrepancy.fmu import diagnose_fmu
-        from hovercontrol.models.blockmodel import BlockModel
 
         read = given.reader(
-            BlockModel(plant.reading),
-            columns,
-            bench,
-            bench_fans,
-            only_while,
-            settle,
-            missing=missing,
-            trial=trial,
+            plant, columns, bench, bench_fans, only_while, settle, missing=missing, trial=trial
         )
         with given.progress_bar("diagnose", 1.0) as report:
             logs_, held_ = ([read(name) for name in group] for group in (logs, held))

@@ -41,7 +41,17 @@ ModelFile = Annotated[
     str | None,
     typer.Option(
         "--model",
-        help="Model file (TOML), or FILE.py:NAME of a Model, BlockModel or Block; FILE.fmu with --fit.",
+        help="Model file (TOML), or FILE.py:NAME of a Model, BlockModel or Block; or an FMU, FILE.fmu.",
+    ),
+]
+Runs = Annotated[
+    str | None,
+    typer.Option("--model", help="A model file, FILE.py:NAME or FILE.fmu in place of the argument."),
+]
+Commands = Annotated[
+    str,
+    typer.Option(
+        "--commands", metavar="LOG", help="Log whose commands drive a model file, a Block or an FMU."
     ),
 ]
 Fit = Annotated[
@@ -51,7 +61,9 @@ Fit = Annotated[
 Params = Annotated[
     Path | None,
     typer.Option(
-        "--params", help="Values and effects of the model: a parameters.toml from identify or diagnose."
+        "--params",
+        help="Values and effects of the model: a parameters.toml from identify or diagnose; "
+        "of an FMU its start_values.csv.",
     ),
 ]
 Holdout = Annotated[
@@ -162,11 +174,25 @@ def fmu_of(command: str, model: str | None, fit: str, params: Path | None = None
         if fit:
             raise InputError(f"{command}: --fit belongs to an FMU; expected --model FILE.fmu")
         return None
-    if params:
-        raise InputError(f"{command}: --params belongs to a model FILE.py:NAME, found {model}")
     from hovercontrol.fmi.replay.plant import fmu_plant
+    from hovercontrol.fmi.replay.start_values import read_csv
 
-    return fmu_plant(model, listed(fit, "--fit") or [])
+    return fmu_plant(model, listed(fit, "--fit") or [], values=read_csv(params) if params else None)
+
+
+def run_of(command: str, named: str, model: str | None) -> str:
+    """Return what is to be run: the argument of a command, or the value of ``--model`` in its place.
+
+    Raises
+    ------
+    InputError
+        If both are given.
+    """
+    if named and model:
+        raise InputError(
+            f"{command}: --model takes the place of the argument {named!r}; expected one of them"
+        )
+    return model or named
 
 
 def craft(command: str, model: str | None, vehicle: str | None) -> Model:
@@ -263,7 +289,7 @@ def refuse_twice(command: str, names: Sequence[str], held: Sequence[str] = ()) -
 
 
 def reader(
-    model: Model | BlockModel | None,
+    model: Model | BlockModel | FmuPlant | None,
     columns: str,
     bench: Path | None,
     bench_fans: int,
@@ -277,7 +303,10 @@ def reader(
     """Return a function that reads logs by the options of a command; without a model all columns are read."""
     from hovercontrol.logs import BenchTable, Condition, gather
     from hovercontrol.logs.frames import in_z_up
+    from hovercontrol.models.blockmodel import BlockModel
+    from hovercontrol.models.model import Model
 
+    known = model if model is None or isinstance(model, Model | BlockModel) else BlockModel(model.reading)
     table = BenchTable.from_csv(bench, fans=bench_fans) if bench else None
     condition = Condition.parse(only_while) if only_while else None
     renamed, codes = pairs(columns), numbers(missing, "--missing")
@@ -285,7 +314,7 @@ def reader(
     def read(files: str) -> Log:
         log = gather(
             files,
-            model=model,
+            model=known,
             columns=renamed,
             bench=table,
             only_while=condition,

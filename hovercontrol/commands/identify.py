@@ -69,17 +69,9 @@ def identify(
     plant = given.fmu_of("identify", model, fit, params)
     if plant is not None:
         from hovercontrol.identify.fmu import identify_fmu
-        from hovercontrol.models.blockmodel import BlockModel
 
         read = given.reader(
-            BlockModel(plant.reading),
-            columns,
-            bench,
-            bench_fans,
-            only_while,
-            settle,
-            missing=missing,
-            trial=trial,
+            plant, columns, bench, bench_fans, only_while, settle, missing=missing, trial=trial
         )
         with given.progress_bar("identify", 1.0) as report:
             logs_, held_ = ([read(name) for name in group] for group in (names, held))

@@ -18,6 +18,7 @@ from hovercontrol.io.files import check_folder
 if TYPE_CHECKING:
     from hovercontrol.core.block import Block
     from hovercontrol.display.progress import Report
+    from hovercontrol.fmi.replay.plant import FmuPlant
     from hovercontrol.logs import Log
     from hovercontrol.scenarios import Run
     from hovercontrol.scenarios.machine import MachineRun
@@ -30,7 +31,7 @@ def simulate(
         str,
         typer.Argument(
             help="A scenario's name (--list shows them) or file; a model file; FILE.py:NAME of a Model, "
-            "BlockModel or Block.",
+            "BlockModel or Block; an FMU, FILE.fmu.",
             autocompletion=names.scenarios,
         ),
     ] = "",
@@ -41,11 +42,17 @@ def simulate(
             help="Length of the run of a model file in seconds (default: 20, or that of --commands).",
         ),
     ] = None,
-    commands: Annotated[
-        str, typer.Option("--commands", metavar="LOG", help="Log whose commands drive a model file.")
-    ] = "",
+    model: given.Runs = None,
+    commands: given.Commands = "",
     columns: given.Columns = "",
     params: given.Params = None,
+    match_start: Annotated[
+        bool,
+        typer.Option(
+            "--match-start",
+            help="Estimate an FMU's states at the first row from the outputs in the log of --commands.",
+        ),
+    ] = False,
     animation: Annotated[
         str,
         typer.Option(
@@ -61,6 +68,8 @@ def simulate(
     """Run a scenario; write its log, a table of its figures of merit, and pictures.
 
     A model file, and a Block of your own, is driven from rest by steps of its commands, or by those of a log.
+    So is an FMU (--model plant.fmu), from its start values; where the log has outputs of the FMU, measured
+    minus computed is printed and written beside.
 
     Exit status 1 if a figure of merit is outside the range that the scenario states.
     """
@@ -73,6 +82,7 @@ def simulate(
     if list_:
         given.show_list({name: load_scenario(name).title for name in scenario_names()}, json)
         return 0
+    scenario = given.run_of("simulate", scenario, model)
     if not scenario:
         raise InputError(
             "simulate: expected a scenario's name (hovercontrol simulate --list shows them) or a TOML file"
@@ -84,6 +94,11 @@ def simulate(
 
         check_format(Path(animation))
     log = read_log(commands, given.pairs(columns)) if commands else None
+    plant = given.fmu_of("simulate", scenario, "", params)
+    if plant is not None:
+        return _drive_fmu(plant, duration, log, match_start, out, json, animation)
+    if match_start:
+        raise InputError(f"simulate: --match-start belongs to an FMU, found {scenario}")
     own = given.from_users_file(scenario, params)
     if own is None and params:
         raise InputError(f"simulate: --params belongs to a model FILE.py:NAME, found {scenario}")
@@ -137,6 +152,34 @@ def _drive(
         _animate(run, animation, report, end)
         files = run.save(out)
     content = {"scenario": block.name, "figures": [], "clipped": {}}
+    _show_written(content, files, out, animation, json)
+    return 0
+
+
+def _drive_fmu(
+    plant: FmuPlant,
+    seconds: float | None,
+    log: Log | None,
+    match_start: bool,
+    out: Path | None,
+    json: bool,
+    animation: str,
+) -> int:
+    """Simulate an FMU; its errors are those of a log with its outputs."""
+    from hovercontrol.fmi.replay.simulated import simulate_fmu
+    from hovercontrol.scenarios.drive import run_length
+
+    out = out or Path("out") / plant.name
+    check_folder(out)
+    end = run_length(seconds, log)
+    with given.progress_bar(f"simulate {plant.name}", end) as report:
+        run = simulate_fmu(plant, seconds=seconds, commands=log, match_start=match_start, progress=report)
+        _animate(run, animation, report, end)
+        files = run.save(out)
+    if not json and (text := run.text()):
+        print(text)
+    errors = {channel: vars(apart) for channel, apart in run.apart.items()}
+    content = {"scenario": plant.name, "figures": [], "clipped": {}, "errors": errors, "start": run.start}
     _show_written(content, files, out, animation, json)
     return 0
 

@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from hovercontrol.core.block import Block
-    from hovercontrol.scenarios import Scenario
     from hovercontrol.scenarios.varied import Varied
 
 #: Files of a checkpoint, of :mod:`hovercontrol.targets.checkpoint`.
@@ -37,10 +35,11 @@ def sweep(
     scenario: Annotated[
         str,
         typer.Argument(
-            help="A scenario's name or file; a model file; FILE.py:NAME of a Model, BlockModel or Block.",
+            help="A scenario's name or file; a model file; FILE.py:NAME of a Model, BlockModel or Block; "
+            "an FMU, FILE.fmu.",
             autocompletion=names.scenarios,
         ),
-    ],
+    ] = "",
     vary: Annotated[
         list[str] | None,
         typer.Option(
@@ -61,6 +60,9 @@ def sweep(
             autocompletion=names.of("final", "maximum", "minimum", "rms", "settling"),
         ),
     ] = "rms",
+    model: given.Runs = None,
+    commands: given.Commands = "",
+    columns: given.Columns = "",
     params: given.Params = None,
     out: Out = None,
     resume: Annotated[
@@ -70,20 +72,15 @@ def sweep(
 ) -> int:
     """Run a scenario at every point of a range or a grid; write a table and a picture.
 
-    A model file, and a model of your own, is driven from rest by steps of its commands.
+    A model file, and a model of your own, is driven from rest by steps of its commands, or by those of a log.
+    So is an FMU (--model plant.fmu): --vary takes its parameters and, of Model Exchange, its states at the
+    start.
 
     Results are kept in OUT.partial as they are computed: --resume continues a stopped sweep.
 
     Exit status 1 if some runs fail; the others are written.
     """
     import numpy as np
-
-    from hovercontrol.core.block import Block
-    from hovercontrol.models.model import Model
-    from hovercontrol.scenarios import load_scenario
-    from hovercontrol.scenarios.drive import driven
-    from hovercontrol.scenarios.varied import vary as vary_scenario
-    from hovercontrol.scenarios.varied import vary_machine
 
     ranges: dict[str, NDArray[np.float64]] = {}
     for text in vary or []:
@@ -93,22 +90,12 @@ def sweep(
         ranges[key] = values
     if not ranges:
         raise InputError("sweep: expected one or two --vary KEY=FROM:TO:POINTS")
-    own = given.from_users_file(scenario, params)
-    if own is None and params:
-        raise InputError(f"sweep: --params belongs to a model FILE.py:NAME, found {scenario}")
-    loaded: Scenario | Block
-    run: Callable[..., Varied]
-    if own is None or isinstance(own, Model):
-        loaded = load_scenario(scenario) if own is None else replace(driven(own, own.name), file=scenario)
-        run = functools.partial(vary_scenario, loaded)
-    else:
-        loaded = own if isinstance(own, Block) else own.plant()
-        run = functools.partial(vary_machine, loaded)
-    out = out or Path("out") / f"{loaded.name}-sweep"
+    name, run = _what(given.run_of("sweep", scenario, model), commands, columns, params)
+    out = out or Path("out") / f"{name}-sweep"
     partial = _partial_folder(out)
     if written.refuse_others(partial) and not resume:
         written.remove_own(partial, RUNS)
-    with _kept(partial), given.progress_bar(f"sweep {loaded.name}", 1.0) as report:
+    with _kept(partial), given.progress_bar(f"sweep {name}", 1.0) as report:
         found = run(ranges, of, figure, progress=lambda done: report(done), checkpoint=partial)
         saved = found.save(out)
     values = found.values.ravel()
@@ -116,7 +103,7 @@ def sweep(
         axes = [{"key": a.name, "unit": a.unit, "values": a.values} for a in found.axes]
         failed = [str(f) for f in found.result.failures]
         content = {"of": found.of, "figure": figure, "unit": found.unit, "axes": axes, "values": found.values}
-        given.show("", saved, out, {"scenario": loaded.name, **content, "failures": failed})
+        given.show("", saved, out, {"scenario": name, **content, "failures": failed})
         return 1 if failed else 0
     if np.isfinite(values).any():
         for word, k in (("smallest", np.nanargmin(values)), ("largest", np.nanargmax(values))):
@@ -131,6 +118,42 @@ def sweep(
         print(f"{len(failures)} of {len(values)} runs fail; the first: {failures[0]}")
     print(f"wrote {', '.join(f.name for f in saved)} to {out}")
     return 1 if failures else 0
+
+
+def _what(
+    scenario: str, commands: str, columns: str, params: Path | None
+) -> tuple[str, Callable[..., Varied]]:
+    """Return the name of what is run, and a function that runs it over ranges."""
+    from hovercontrol.core.block import Block
+    from hovercontrol.logs import read_log
+    from hovercontrol.models.model import Model
+    from hovercontrol.scenarios import load_scenario
+    from hovercontrol.scenarios.drive import driven
+    from hovercontrol.scenarios.varied import vary, vary_machine
+
+    if not scenario:
+        raise InputError(
+            "sweep: expected a scenario's name (hovercontrol simulate --list shows them) or file"
+        )
+    if columns and not commands:
+        raise InputError("sweep: --columns belongs to the log of --commands; expected both")
+    log = read_log(commands, given.pairs(columns)) if commands else None
+    plant = given.fmu_of("sweep", scenario, "", params)
+    if plant is not None:
+        from hovercontrol.fmi.replay.swept import vary_fmu
+
+        return plant.name, functools.partial(vary_fmu, plant, commands=log)
+    own = given.from_users_file(scenario, params)
+    if own is None and params:
+        raise InputError(f"sweep: --params belongs to a model FILE.py:NAME, found {scenario}")
+    if own is None:
+        loaded = load_scenario(scenario, commands=log)
+        return loaded.name, functools.partial(vary, loaded)
+    if isinstance(own, Model):
+        loaded = replace(driven(own, own.name, log=log), file=scenario)
+        return loaded.name, functools.partial(vary, loaded)
+    block = own if isinstance(own, Block) else own.plant()
+    return block.name, functools.partial(vary_machine, block, commands=log)
 
 
 def _partial_folder(out: Path) -> Path:

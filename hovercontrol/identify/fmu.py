@@ -13,17 +13,29 @@ from threadpoolctl import threadpool_limits
 
 from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError, did_you_mean
-from hovercontrol.estimation.excitation import EXCITATION, covariance, named_directions, unexcited_directions
+from hovercontrol.estimation.excitation import (
+    EXCITATION,
+    covariance,
+    named_directions,
+    reason,
+    unexcited_directions,
+)
 from hovercontrol.fmi.replay.held_out import held_out
-from hovercontrol.fmi.replay.output_error import FmuFit, fit_fmu
+from hovercontrol.fmi.replay.output_error import FmuFit, fit_fmu, refine
 from hovercontrol.fmi.replay.plant import FmuPlant
 from hovercontrol.fmi.replay.rows import trials_of
+from hovercontrol.fmi.replay.runs import RunFailed
 from hovercontrol.fmi.replay.start_values import save_around, save_copy, save_csv, save_ssv
-from hovercontrol.identify.result import Fitted, aligned
+from hovercontrol.fmi.replay.unknowns import Unknowns
+from hovercontrol.identify.result import Fitted
 from hovercontrol.io.folders import write_folder
+from hovercontrol.io.text_table import aligned
 from hovercontrol.logs.log import Log
 
 Array = NDArray[np.float64]
+
+#: Most parameters that a trial fit takes by itself.
+MOST_TRIED = 50
 
 
 @checked
@@ -177,6 +189,56 @@ def identify_fmu(
     return identified(fit, held)
 
 
+def trial_fit(
+    model: FmuPlant,
+    logs: Sequence[Log],
+    most_rows: int,
+    progress: Callable[[float, str], None] | None = None,
+) -> FmuIdentified:
+    """Return estimates from the first rows of logs, with the standard errors that all rows give.
+
+    Parameters
+    ----------
+    model : FmuPlant
+        Without a `fit` all its parameters are fitted.
+    logs : sequence of Log
+    most_rows : int
+        Of all logs together; the sensitivities at the estimates are computed over all rows.
+    progress : callable, optional
+        Called with the finished fraction (0 to 1) and a text on the current step.
+
+    Raises
+    ------
+    InputError
+        If a log does not fit the FMU, or it has more than `MOST_TRIED` parameters and no `fit`.
+    """
+    report, done = progress or (lambda part, what: None), [0]
+
+    def passed(what: str) -> None:
+        done[0] += 1
+        report(0.9 * done[0] / (1 + done[0]), what)
+
+    if not model.fit and not model.around.effects:
+        if len(model.parameters) > MOST_TRIED:
+            raise InputError(
+                f"{model.path}: {len(model.parameters)} parameters, at most {MOST_TRIED} can be tried "
+                "together; name those to fit"
+            )
+        model = replace(model, fit=tuple(model.parameters))
+    rows = trials_of(model, logs)
+    share = most_rows / sum(len(r.time) for r in rows)
+    with threadpool_limits(1, "blas"):
+        fit = fit_fmu(model, [r.head(min(share, 1.0)) for r in rows], passed)
+        if share < 1.0:
+            passed("sensitivities over all rows")
+            try:
+                fit = refine(Unknowns(fit.unknowns.plant, rows), fit.values, 0)
+            except RunFailed as fault:
+                raise InputError(f"FMU {model.name!r} failed on {rows[0].name}: {fault}") from None
+    report(1.0, "done")
+    return identified(fit, {})
+
+
 def identified(fit: FmuFit, held: Mapping[str, Mapping[str, float]]) -> FmuIdentified:
     """Return the result of a fit."""
     unknowns, plant = fit.unknowns, fit.model
@@ -186,16 +248,16 @@ def identified(fit: FmuFit, held: Mapping[str, Mapping[str, float]]) -> FmuIdent
     C = C[np.ix_(own, own)]
     names = [unknowns.names[j] for j in own]
     directions = named_directions(unexcited_directions(C, size), size, names)
+    alone = 1.0 / np.sqrt(np.maximum(np.diag(fit.information)[own], 1e-300))
     start = unknowns.plant
     found = []
     for k, j in enumerate(own):
         u, value, std = unknowns.every[j], float(fit.values[j]), float(np.sqrt(C[k, k]))
         bound = "lower" if value <= u.lower else "upper" if value >= u.upper else ""
-        std = std if std < EXCITATION.no_information * u.size else np.inf
+        std = std if max(std, alone[k]) < EXCITATION.no_information * u.size else np.inf
         first = start.value(u.name) if u.place == "fmu" else start.around.values[u.name]
-        found.append(
-            Fitted(u.name, value, std, u.unit, first, bound, _reason(u.name, std, size[k], directions))
-        )
+        why = reason(u.name, std, size[k], alone[k], directions, u.unit, ())
+        found.append(Fitted(u.name, value, std, u.unit, first, bound, why))
     rows = unknowns.logs
     signals = (*plant.outputs, *plant.states)
     channels = [signals[i] for i in rows[0].places]
@@ -216,15 +278,3 @@ def identified(fit: FmuFit, held: Mapping[str, Mapping[str, float]]) -> FmuIdent
         held,
         fit,
     )
-
-
-def _reason(name: str, std: float, size: float, directions: Sequence[Mapping[str, float]]) -> str:
-    """Return why the logs do not excite a coefficient; empty if they do."""
-    if std <= size:
-        return ""
-    if not np.isfinite(std):
-        return "no measured channel changes with it"
-    others = [n for d in directions if name in d for n in d if n != name]
-    if others:
-        return f"it changes the outputs as {', '.join(dict.fromkeys(others))} does"
-    return "its standard error exceeds its size"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -20,6 +20,7 @@ from hovercontrol.estimation.fit import Fit
 from hovercontrol.io.files import write_atomically
 from hovercontrol.io.percent import percent
 from hovercontrol.io.pyplot import open_in_pyplot
+from hovercontrol.io.text_table import aligned
 from hovercontrol.models.blockmodel import BlockModel
 from hovercontrol.models.model import Model
 
@@ -382,9 +383,3 @@ def _numbers(e: Effect) -> str:
     """Return an effect's parameters as text, with units."""
     numbers = type(e).numbers
     return ", ".join(f"{k} = {v:.3g} {numbers[k].unit}".rstrip(" 1") for k, v in e.values.items())
-
-
-def aligned(rows: Sequence[tuple[str, ...]]) -> list[str]:
-    """Return rows of cells as lines with aligned columns."""
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    return ["  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in rows]

@@ -15,11 +15,12 @@ from hovercontrol.estimation.measure import MOST_ROWS, Measured
 from hovercontrol.identify.display import free_run_figure
 from hovercontrol.identify.fit import identify, measure_shared, refuse_other_units
 from hovercontrol.identify.predict import FreeRun, Prediction, prediction, run_of, smoothed
-from hovercontrol.identify.result import Identified, aligned
+from hovercontrol.identify.result import Identified
 from hovercontrol.io.folders import write_folder
 from hovercontrol.io.percent import percent
 from hovercontrol.io.pyplot import open_in_pyplot
 from hovercontrol.io.short_repr import cut
+from hovercontrol.io.text_table import aligned
 from hovercontrol.logs import VELOCITY, Log
 from hovercontrol.logs.duplicates import refuse_duplicates
 from hovercontrol.models.interface import AnyModel, as_model

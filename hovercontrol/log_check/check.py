@@ -15,15 +15,19 @@ from hovercontrol.core.boundary import checked
 from hovercontrol.discrepancy.checks import check_fitted, check_logs
 from hovercontrol.errors import InputError
 from hovercontrol.estimation.subject import Subject, structure
+from hovercontrol.fmi.replay.plant import FmuPlant
 from hovercontrol.identify import identify
-from hovercontrol.identify.result import Fitted, aligned
+from hovercontrol.identify.fmu import trial_fit
+from hovercontrol.identify.result import Fitted
 from hovercontrol.io.folders import write_folder
 from hovercontrol.io.percent import percent
 from hovercontrol.io.plain_json import json_text, plain
 from hovercontrol.io.pyplot import open_in_pyplot
 from hovercontrol.io.short_repr import cut
+from hovercontrol.io.text_table import aligned
 from hovercontrol.log_check.facts import Array, Column, LogFacts, Timing, facts
 from hovercontrol.logs import Log
+from hovercontrol.models.blockmodel import BlockModel
 from hovercontrol.models.interface import AnyModel, as_model
 
 if TYPE_CHECKING:
@@ -163,7 +167,7 @@ class Checked:
 @checked
 def check(
     logs: Sequence[Log],
-    model: AnyModel | None = None,
+    model: AnyModel | FmuPlant | None = None,
     *,
     files: Sequence[Mapping[str, Array]] | None = None,
     unread: Sequence[str] = (),
@@ -174,8 +178,9 @@ def check(
     Parameters
     ----------
     logs : sequence of Log
-    model : Model, BlockModel or Block, optional
-        Model of the logged system; without a model only checks that need none are made.
+    model : Model, BlockModel, Block or FmuPlant, optional
+        Model of the logged system; without a model only checks that need none are made. Of an FMU the
+        parameters of its ``fit`` are tried, without one all that are real numbers.
     files : sequence of mapping of str to ndarray, shape (n,), optional
         For each log the stamps [s] of the files it was joined from, by their names.
     unread : sequence of str, optional
@@ -204,7 +209,11 @@ def check(
     if not logs and not unread:
         raise InputError("check: expected one or more logs")
     report = progress or (lambda part, what: None)
-    model = as_model(model) if model is not None else None
+    fmu = model if isinstance(model, FmuPlant) else None
+    if isinstance(model, FmuPlant):
+        model = BlockModel(model.reading)  # its signals: all that the comparison of logs needs
+    elif model is not None:
+        model = as_model(model)
     block = structure(model) if model is not None else None
     errors, warnings = list(unread), list[str]()
     found = []
@@ -221,7 +230,11 @@ def check(
             _collect(lambda: check_logs(model, logs), errors, warnings)
         if not errors:
             report(0.5, "a trial fit")
-            coefficients = _shown(model, logs, errors, warnings, report)
+            coefficients = (
+                _shown(model, logs, errors, warnings, report)
+                if fmu is None
+                else _shown_of_fmu(fmu, logs, errors, warnings, report)
+            )
     seen = [line for line in warnings if line not in errors]
     return Checked(
         tuple(found), _once(errors), _once(seen), model.name if model is not None else "", coefficients
@@ -265,6 +278,24 @@ def _shown(
         warnings.append(
             f"{trial.outliers} of {trial.rows} rows are outliers of the fitted model: left out of a fit"
         )
+    return trial.coefficients
+
+
+def _shown_of_fmu(
+    plant: FmuPlant,
+    logs: Sequence[Log],
+    errors: list[str],
+    warnings: list[str],
+    report: Callable[[float, str], None],
+) -> tuple[Fitted, ...]:
+    try:
+        with catch_warnings(action="ignore", category=UserWarning):  # already reported by earlier checks
+            trial = trial_fit(plant, logs, MOST_ROWS, lambda part, what: report(0.5 + 0.5 * part, what))
+    except InputError as error:
+        errors.append(str(error))
+        return ()
+    if trial.misfit:
+        warnings.append(trial.misfit)
     return trial.coefficients
 
 

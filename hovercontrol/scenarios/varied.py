@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -19,8 +20,9 @@ from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.io.folders import write_folder
 from hovercontrol.io.pyplot import open_in_pyplot, shown_once
 from hovercontrol.io.short_repr import short_repr
+from hovercontrol.logs import Log
 from hovercontrol.scenarios.definition import Scenario
-from hovercontrol.scenarios.drive import END, STEP, played
+from hovercontrol.scenarios.drive import STEP, played, run_length
 from hovercontrol.scenarios.parts import loop_parts, phase_parameters
 from hovercontrol.scenarios.phases import EARLY, held, held_commands, phase_grid
 from hovercontrol.scenarios.sampling import sampled_loop
@@ -31,6 +33,8 @@ Array = NDArray[np.float64]
 
 #: Most runs: a picture with more points shows no more.
 MAX_RUNS = 1_000_000
+#: Folder of a checkpoint for runs without phases.
+PART = "runs"
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,7 +149,8 @@ def vary(
         return swept_phases(scenario, loop, given, progress, checkpoint)
 
     where = scenario.file or scenario.name
-    return _varied(scenario.name, scenario.title, where, loop, ranges, of, figure, runs)
+    outputs = {s.name: s.unit for s in loop.outputs}
+    return varied(scenario.name, scenario.title, where, outputs, known_of(loop), ranges, of, figure, runs)
 
 
 @checked
@@ -155,10 +160,11 @@ def vary_machine(
     of: str = "",
     figure: str = "rms",
     *,
+    commands: Log | None = None,
     progress: Callable[[float], None] | None = None,
     checkpoint: str | Path | None = None,
 ) -> Varied:
-    """Drive a Block by steps of its inputs, as ``hovercontrol simulate`` does, at every point of a grid.
+    """Drive a Block as ``hovercontrol simulate`` does, at every point of a grid.
 
     Parameters
     ----------
@@ -166,6 +172,8 @@ def vary_machine(
         As of :func:`vary`: parameters by key (``motor.gain``), or states to start from.
     of : str, optional
         The output that is asked about; default: the first.
+    commands : Log, optional
+        Log with the Block's inputs, held from row to row.
     figure, progress, checkpoint
         As of :func:`vary`.
 
@@ -174,8 +182,9 @@ def vary_machine(
     InputError
         If a name or a range is wrong.
     """
-    time = phase_grid(0.0, END, STEP)
-    inputs = held(played(block.inputs, END, None), time) if block.inputs else None
+    length = run_length(None, commands)
+    time = phase_grid(0.0, length, STEP)
+    inputs = held(played(block.inputs, length, commands), time) if block.inputs else None
     keys = set(block.default_parameters)
 
     def told(done: int, total: int) -> None:
@@ -190,38 +199,75 @@ def vary_machine(
             x0={name: values for name, values in given.items() if name not in keys},
             inputs=inputs,
             progress=lambda done: told(done, total),
-            checkpoint=checkpoint,
+            checkpoint=None if checkpoint is None else Path(checkpoint) / PART,
         )
 
-    title = f"{block.name}: steps of its commands"
-    return _varied(block.name, title, block.name, block, ranges, of, figure, runs)
+    title = f"{block.name}: {'steps of its commands' if commands is None else f'commands of {commands.name}'}"
+    outputs = {s.name: s.unit for s in block.outputs}
+    return varied(block.name, title, block.name, outputs, known_of(block), ranges, of, figure, runs)
 
 
-def _varied(
+class Variable(Protocol):
+    """A number that can be varied."""
+
+    @property
+    def unit(self) -> str:
+        """Its unit."""
+
+    def check(self, value: float, name: str = "") -> float:
+        """Return a value within its bounds, else raise an InputError."""
+
+
+def known_of(block: Block) -> dict[str, Variable]:
+    """Return the parameters of a Block by key, and its states."""
+    parameters = dict(zip(block.default_parameters, block.parameters, strict=True))
+    return {**parameters, **{s.name: s for s in block.states}}
+
+
+def varied(
     name: str,
     title: str,
     where: str,
-    loop: Block,
+    outputs: Mapping[str, str],
+    known: Mapping[str, Variable],
     ranges: Mapping[str, Array],
     of: str,
     figure: str,
     runs: Callable[[Mapping[str, Array]], SweepResult],
 ) -> Varied:
-    """Return what runs at every point of a grid give, by what is asked about."""
+    """Return what runs at every point of a grid give, by what is asked about.
+
+    Parameters
+    ----------
+    name, title, where : str
+        Of what is run, of the picture, and for error lines.
+    outputs : mapping of str to str
+        Their units.
+    known : mapping of str to Variable
+        What can be varied.
+    ranges, of, figure
+        As of :func:`vary`.
+    runs : callable
+        Of the values of each run by name: their results.
+
+    Raises
+    ------
+    InputError
+        If a name or a range is wrong.
+    """
     if not 1 <= len(ranges) <= 2:
         raise InputError(f"{where}: expected one or two parameters to vary, found {len(ranges)}")
     if figure not in FIGURES:
         raise InputError(f"unknown figure {figure!r}{did_you_mean(figure, FIGURES)}")
-    outputs = [s.name for s in loop.outputs]
-    of = of or next((known for known in ("error_x", "u") if known in outputs), outputs[0] if outputs else "")
+    of = of or next((usual for usual in ("error_x", "u") if usual in outputs), next(iter(outputs), ""))
     if of not in outputs:
         raise InputError(f"{where}: no output {of!r}{did_you_mean(of, outputs)}")
-    axes = tuple(_axis(loop, name, values, where) for name, values in ranges.items())
+    axes = tuple(_axis(known, name, values, where) for name, values in ranges.items())
     if np.prod([len(axis.values) for axis in axes]) > MAX_RUNS:
         raise InputError(f"{where}: more than {MAX_RUNS} runs: take fewer points")
     grid = np.meshgrid(*(axis.values for axis in axes), indexing="ij")
     result = runs({axis.name: values.ravel() for axis, values in zip(axes, grid, strict=True)})
-    unit = "s" if figure == "settling" else loop.signal(of).unit
+    unit = "s" if figure == "settling" else outputs[of]
     return Varied(name, title, axes, of, figure, unit, result)
 
 
@@ -280,9 +326,7 @@ def swept_phases(
     return result
 
 
-def _axis(loop: Block, name: str, values: Array, where: str) -> Axis:
-    parameters = dict(zip(loop.default_parameters, loop.parameters, strict=True))
-    known = parameters | {s.name: s for s in loop.states}
+def _axis(known: Mapping[str, Variable], name: str, values: Array, where: str) -> Axis:
     if name not in known:
         raise InputError(f"{where}: no parameter or state {name!r}{did_you_mean(name, known)}")
     values = np.asarray(values, dtype=float)

@@ -153,6 +153,9 @@ def minimise(unknowns: Unknowns, values: Array, white: Whitening, most: int) -> 
     for _ in range(most):
         g, S = _normal(unknowns, values, base, white)
         free = ~(((values <= unknowns.lower) & (g < 0)) | ((values >= unknowns.upper) & (g > 0)))
+        free &= np.diag(S) > 0.0  # one that changes no output keeps its value
+        if not free.any():
+            return values, True
         scale = np.sqrt(np.maximum(np.diag(S), 1e-300))
         scale = np.maximum(scale, 1e-8 / unknowns.size)
         R = (S / np.outer(scale, scale))[np.ix_(free, free)]
@@ -209,7 +212,8 @@ def accurate(plant: FmuPlant, logs: Sequence[Rows]) -> FmuPlant:
             if "process" in why:  # it crashed or hung
                 raise InputError(f"FMU {plant.name!r} failed on {rows.name}: {why}") from None
         if found is not None and last is not None:
-            spread = np.maximum(np.nanstd(rows.values, axis=0), 1e-12)
+            spread = np.where(np.isfinite(rows.values), rows.values, found).std(axis=0)
+            spread = np.maximum(spread, 1e-12)
             if float(np.max(np.median(np.abs(found - last), axis=0) / spread)) <= ACCURACY:
                 return replace(plant, pieces=max(pieces // 2, 1))
         last, pieces = found, pieces * 2

@@ -26,6 +26,7 @@ from hovercontrol.fmi.importer.values import checked_name
 from hovercontrol.fmi.replay.added import Added
 from hovercontrol.fmi.replay.runs import RunFailed, Runs
 from hovercontrol.fmi.replay.signals import driven, through
+from hovercontrol.io.files import readable
 
 Array = NDArray[np.float64]
 
@@ -46,6 +47,19 @@ class Parameter:
     lower: float
     upper: float
     description: str
+
+    def check(self, value: float, name: str = "") -> float:
+        """Return a value that is within the bounds.
+
+        Raises
+        ------
+        InputError
+            If it is outside.
+        """
+        if self.lower <= value <= self.upper:
+            return value
+        bounds = f"[{self.lower:g}, {self.upper:g}]"
+        raise InputError(f"{name or self.name} = {value:.9g} {self.unit} is out of its bounds {bounds}")
 
 
 @checked
@@ -122,7 +136,7 @@ class FmuPlant:
     @cached_property
     def parameters(self) -> dict[str, Parameter]:
         """The FMU's parameters that are real numbers, by name."""
-        bounds = _bounds(self.source.unpacked.folder / "modelDescription.xml")
+        bounds = bounds_of(self.source.unpacked.folder / "modelDescription.xml")
         found = {}
         for v in self.interface.parameters:
             if v.kind in REALS:
@@ -378,7 +392,7 @@ def fmu_plant(
     >>> plant = fmu_plant("plant.fmu", fit=["mass"])  # doctest: +SKIP
     >>> found = hc.identify(plant, [hc.read_log("run.csv")])  # doctest: +SKIP
     """
-    path = Path(path)
+    path = readable(path, "an FMU")
     if not isinstance(timeout, (int, float)) or not 0 < timeout < math.inf:
         raise InputError(f"{path}: timeout [s] must be a positive number, found {timeout!r}")
     source = _open(path, kind, strict)
@@ -450,7 +464,7 @@ def _word(label: str) -> str:
     return label
 
 
-def _bounds(path: Path) -> dict[int, tuple[float, float]]:
+def bounds_of(path: Path) -> dict[int, tuple[float, float]]:
     """Return the bounds of real variables by value reference, from the model description."""
     found = {}
     for element in ElementTree.parse(path).getroot().iterfind("ModelVariables/*"):

@@ -83,7 +83,7 @@ def rows_of(plant: FmuPlant, log: Log) -> tuple[list[Rows], list[str]]:
     for k, (a, b) in enumerate(zip(starts, ends, strict=True)):
         if b - a >= FEWEST:
             name = log.name if len(starts) == 1 else f"{log.name} trial {k + 1}"
-            time, own, measured = _filled(log.time[a:b] - log.time[a], u[a:b], y[a:b])
+            time, own, measured = filled(log.time[a:b] - log.time[a], u[a:b], y[a:b])
             found.append(Rows(name, time, own, places, measured))
     return found, said
 
@@ -104,7 +104,7 @@ def trials_of(model: FmuPlant, logs: Sequence[Log]) -> list[Rows]:
     return found
 
 
-def _filled(time: Array, u: Array, y: Array) -> tuple[Array, Array, Array]:
+def filled(time: Array, u: Array, y: Array) -> tuple[Array, Array, Array]:
     """Return the rows with gaps filled by rows that hold the inputs and measure nothing."""
     step = np.diff(time)
     usual = float(np.median(step))

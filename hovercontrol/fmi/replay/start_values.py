@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import math
 import re
 import zipfile
 from collections.abc import Mapping, Sequence
@@ -16,7 +17,7 @@ from hovercontrol.fmi.around import Around
 from hovercontrol.fmi.corrected.corrected import corrected_fmu
 from hovercontrol.fmi.replay.plant import FmuPlant
 from hovercontrol.fmi.ssp import SSV
-from hovercontrol.io.files import write_atomically
+from hovercontrol.io.files import readable, reason, write_atomically
 
 _DESCRIPTION = "modelDescription.xml"
 
@@ -31,6 +32,45 @@ def save_csv(plant: FmuPlant, path: str | Path) -> Path:
             out.writerows([n, repr(v), plant.parameters[n].unit] for n, v in _changed(plant).items())
 
     return write_atomically(path, write)
+
+
+def read_csv(path: str | Path) -> dict[str, float]:
+    """Return the values of a file of :func:`save_csv`, by name.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or is not such a file; the line says where.
+    """
+    try:
+        with readable(path, "start values of an FMU (name, value)").open(
+            newline="", encoding="utf-8"
+        ) as file:
+            rows = csv.DictReader(file)
+            if not {"name", "value"} <= set(rows.fieldnames or ()):
+                raise InputError(
+                    f"{path}: expected columns name and value, as in start_values.csv of identify"
+                )
+            found: dict[str, float] = {}
+            for k, row in enumerate(rows, start=2):
+                if row["name"] in found:
+                    raise InputError(f"{path}, line {k}: {row['name']!r} is given twice")
+                found[row["name"]] = _number(row["value"], f"{path}, line {k}: {row['name']}")
+    except (OSError, UnicodeDecodeError, csv.Error) as fault:
+        raise InputError(
+            f"{path}: not readable as CSV: {reason(fault) if isinstance(fault, OSError) else fault}"
+        ) from None
+    return found
+
+
+def _number(text: str | None, where: str) -> float:
+    try:
+        value = float(text or "")
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise InputError(f"{where}: expected a number, found {text!r}")
+    return value
 
 
 def save_ssv(plant: FmuPlant, path: str | Path) -> Path:
