@@ -177,6 +177,12 @@ def changed(name: str, seed: int, noisy: bool = True) -> dict[str, Array]:
     outputs = [o.name for o in loops[0].outputs]
     first = loops[0].compile().simulate(t[: k + 1], {n: v[: k + 1] for n, v in push.items()})
     start = dict(zip((s.name for s in loops[0].states), first.states[:, -1], strict=True))
+    start |= {  # a lag begins at its command: another start would be a second change
+        s.name: float(first.outputs[outputs.index(command), -1])
+        for s in loops[1].states
+        for command in ("thrust", "rudder")
+        if s.name.endswith(f"{command}_lagged")
+    }
     then = loops[1].compile().simulate(t[k:], {n: v[k:] for n, v in push.items()}, x0=start)
     rows = np.hstack([first.outputs[:, :-1], then.outputs])
     found = dict(zip(outputs, rows, strict=True))
