@@ -9,7 +9,7 @@ import pytest
 
 from .blocks import BLOCKS
 from .fmi_support import Built, build_fmu
-from .support import MODELS, SOURCES, Runtime, compile_c
+from .support import MODELS, Runtime, compile_c, runtime_objects
 
 
 @pytest.fixture(scope="session")
@@ -30,7 +30,9 @@ def build(compiler: str, tmp_path_factory: pytest.TempPathFactory) -> Callable[.
         key = (name, *flags)
         if key not in built:
             path = folder / f"{'_'.join(key)}.so"
-            compile_c(compiler, [MODELS / f"{name}.c", *SOURCES], path, ["-O3", "-shared", "-fPIC", *flags])
+            how = ["-O3", "-fPIC", *flags]
+            parts = [MODELS / f"{name}.c", *runtime_objects(compiler, how)]
+            compile_c(compiler, parts, path, [*how, "-shared"])
             built[key] = Runtime(path)
         return built[key]
 

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import re
 import subprocess
+import tempfile
 from collections.abc import Sequence
 from ctypes import POINTER, c_double
 from dataclasses import dataclass
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -19,15 +21,15 @@ from fmpy.fmi1 import FMICallException
 from fmpy.sundials import CVodeSolver
 
 from hovercontrol import Block
-from hovercontrol.fmi.exporter.sources import fmu_sources
+from hovercontrol.fmi.exporter.sources import fmu_sources, without_prefix
 from hovercontrol.fmi.exporter.variables import Interface
 from hovercontrol.targets.compiled import compile_block
 from hovercontrol.targets.runtime import FMI
 
-from .support import RUNTIME
+from .support import RUNTIME, objects
 
 STRICT = "-std=c99 -Wall -Wextra -Wshadow -Wconversion -Werror -pedantic".split()  # noqa: SIM905
-SHARED = "-O2 -ffp-contract=off -fPIC -shared -fvisibility=hidden".split()  # noqa: SIM905
+SHARED = "-O2 -ffp-contract=off -fPIC -fvisibility=hidden".split()  # noqa: SIM905
 FOLDERS = {2: fmpy.platform, 3: fmpy.platform_tuple}
 ME, CS = "ME", "CS"
 OK, WARNING, DISCARD, ERROR = range(4)
@@ -59,9 +61,13 @@ class Built:
         return Instance(self, kind, logging, name, options)
 
 
-def write_sources(block: Block, version: int, folder: Path, rtol: float = 1e-6) -> list[Path]:
+def write_sources(
+    block: Block, version: int, folder: Path, rtol: float = 1e-6, *, prefix: bool = True
+) -> list[Path]:
     """Write the C files of a Block's FMU; return the paths of those to compile."""
     files = fmu_sources(Interface(block, "events"), version, rtol, 1e-3 * rtol)
+    if not prefix:
+        files = without_prefix(files)
     folder.mkdir(parents=True, exist_ok=True)
     for name, text in files.items():
         (folder / name).write_text(text)
@@ -78,12 +84,31 @@ def run(command: Sequence[object]) -> str:
     return result.stdout
 
 
+def build(compiler: str, sources: Sequence[Path], flags: Sequence[str], more: Sequence[object]) -> None:
+    """Compile and link the sources of an FMU; its runtime, the same for all Blocks, once in this process."""
+    runtime = [path for path in sources if path.name.startswith("hc_")]
+    texts = [(path.name, path.read_text()) for path in sorted(sources[0].parent.glob("hc_*"))]
+    own = [path for path in sources if path not in runtime]
+    made = _runtime(compiler, tuple(path.name for path in runtime), tuple(flags), tuple(texts))
+    run([compiler, *STRICT, *flags, f"-I{sources[0].parent}", *own, *made, *more, "-lm"])
+
+
+@cache
+def _runtime(
+    compiler: str, names: tuple[str, ...], flags: tuple[str, ...], texts: tuple[tuple[str, str], ...]
+) -> tuple[Path, ...]:
+    with tempfile.TemporaryDirectory(prefix="hovercontrol-runtime-") as folder:
+        for name, text in texts:
+            Path(folder, name).write_text(text)
+        return objects(compiler, Path(folder), names, (*STRICT, *flags))
+
+
 def build_fmu(compiler: str, block: Block, version: int, folder: Path) -> Built:
     interface, place = Interface(block, "events"), folder / "binaries" / FOLDERS[version]
-    sources = write_sources(block, version, folder / "sources")
+    sources = write_sources(block, version, folder / "sources", prefix=False)
     place.mkdir(parents=True)
     library = place / f"{interface.identifier}{fmpy.sharedLibraryExtension}"
-    run([compiler, *STRICT, *SHARED, *sources, "-o", library, "-lm"])
+    build(compiler, sources, SHARED, ["-shared", "-o", library])
     return Built(interface, version, folder, library, token_in(folder / "sources"))
 
 

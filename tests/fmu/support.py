@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import ctypes
 import subprocess
+import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -146,3 +148,21 @@ def compile_c(compiler: str, sources: Sequence[Path], target: Path, flags: Seque
     command = [compiler, *STRICT, *flags, f"-I{RUNTIME}", *map(str, sources), "-o", str(target), "-lm"]
     result = subprocess.run(command, capture_output=True, text=True)
     assert result.returncode == 0, result.stderr
+
+
+_FOLDER = tempfile.TemporaryDirectory(prefix="hovercontrol-objects-")  # removed at the end of the process
+
+
+@cache
+def objects(compiler: str, folder: Path, names: tuple[str, ...], flags: tuple[str, ...]) -> tuple[Path, ...]:
+    """Compile C files of a folder, with its headers; return the objects, made once in this process."""
+    own = Path(tempfile.mkdtemp(dir=_FOLDER.name))
+    command = [compiler, *flags, "-c", f"-I{folder}", *(str(folder / name) for name in names)]
+    result = subprocess.run(command, capture_output=True, text=True, cwd=own)
+    assert result.returncode == 0, result.stderr
+    return tuple(own / name.replace(".c", ".o") for name in names)
+
+
+def runtime_objects(compiler: str, flags: Sequence[str]) -> tuple[Path, ...]:
+    """Return the compiled files of the runtime that simulates."""
+    return objects(compiler, RUNTIME, tuple(path.name for path in SOURCES), (*STRICT, *flags))

@@ -18,7 +18,7 @@ from hovercontrol.targets.c_lanes import lanes_source, slopes_source
 from hovercontrol.targets.runtime import AROUND, AROUND_FMI, FOLLOWING, SHOOTING
 from hovercontrol.targets.shoot import Columns
 
-from .support import MODELS, OK, RUNTIME, SOURCES, STRICT, compile_c
+from .support import MODELS, OK, RUNTIME, SOURCES, STRICT, compile_c, runtime_objects
 
 HERE = MODELS.parent
 PARAMETERS = {
@@ -136,8 +136,9 @@ def sanitising(compiler, tmp_path):
 def run_sanitised(compiler, models, parameters, tmp_path, *more):
     """Return the lines that sanitised.c prints, one for each method."""
     program = tmp_path / "sanitised"
-    flags = [*sanitising(compiler, tmp_path), *more]
-    compile_c(compiler, [HERE / "sanitised.c", *models, *SOURCES], program, flags)
+    flags = sanitising(compiler, tmp_path)
+    runtime = runtime_objects(compiler, flags)
+    compile_c(compiler, [HERE / "sanitised.c", *models, *runtime], program, [*flags, *more])
     arguments = [str(value) for value in parameters]
     result = subprocess.run([program, *arguments], capture_output=True, text=True)
     assert result.returncode == 0, result.stderr

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from hovercontrol.errors import InputError, did_you_mean
-from hovercontrol.fmi.exporter.sources import Version
+from hovercontrol.fmi.exporter.sources import Version, without_prefix
 from hovercontrol.targets.compiler import (
     NoCompilerError,
     built_file,
@@ -151,7 +151,7 @@ def build_binary(
     InputError
         If there is no compiler for that platform (the message says what to install), or it fails.
     """
-    zig = _zig()
+    zig, files = _zig(), without_prefix(files)
     own = _is_this_machine(wanted)
     if own:
         try:
