@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from hovercontrol.io.pyplot import in_front, open_in_pyplot
+from hovercontrol.io.short_repr import listed
 
 #: Height of one row of axes, and height of the title and the time axis together [in].
 ROW, REST = 1.0, 1.2
@@ -34,10 +35,26 @@ class Response(control.TimeResponseData):
     >>> run = hc.simulate(hc.Block("cart", [v], [a], [v], derivatives={"v": a.symbol}), [0, 1], {"a": [1, 1]})
     >>> run.units
     {'v': 'm/s', 'a': 'm/s^2'}
+    >>> run
+    Response of cart: 2 times from 0 to 1 s
+        outputs  v [m/s]
+        states   v [m/s]
+        inputs   a [m/s^2]
     """
 
     units: dict[str, str]
     held: bool
+
+    def __repr__(self) -> str:
+        time = np.asarray(self.time)
+        of = f" of {self.sysname}" if self.sysname else ""
+        lines = [f"Response{of}: {time.size} times from {time[0]:.6g} to {time[-1]:.6g} s"]
+        for kind in ("outputs", "states", "inputs"):
+            names = getattr(self, f"{kind.removesuffix('s')}_labels") or ()
+            if names:
+                texts = [f"{name} [{self.units[name]}]" if name in self.units else name for name in names]
+                lines.append(f"    {kind:7}  {listed(texts, len(texts))}")
+        return "\n".join(lines)
 
     def plot(self, *args: Any, **kwargs: Any) -> control.ControlPlot:
         """Plot outputs and inputs over time, like :func:`control.time_response_plot`, with units on the axes.

@@ -24,6 +24,7 @@ BAD = {
     "time nearly": ("tmie,u,v,r\n0,1,2,3\n", ["no column 'time'", "did you mean 'tmie'"]),
     "half a pose": ("time,x,y\n0,1,2\n", ["all of x, y, psi or all of u, v, r", "'psi'"]),
     "no rows": ("time,u,v,r\n", ["no rows"]),
+    "no line end": ("time,u,v,r", ["expected samples below the header", "no rows"]),
     "empty": ("", ["the file is empty", "expected a header"]),
     "no header": ("0,1,2,3\n1,1,2,3\n", ["line 1", "expected a header"]),
     "twice": ("time,u,v,r,u\n0,1,2,3,4\n", ["column 'u' appears twice"]),

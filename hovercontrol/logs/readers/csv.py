@@ -209,6 +209,8 @@ class CsvSource:
     def _fault(self, names: list[str], error: Exception) -> InputError:
         """Return the error for the cell at which the fast reader failed."""
         at = {name: self.header.index(name) for name in names if name}
+        if not any(True for _ in self._rows()):
+            return InputError(f"{self.file}: expected samples below the header, found no rows")
         for line, cells in self._rows():
             if len(cells) != len(self.header):
                 return InputError(

@@ -252,7 +252,7 @@ def _bare(cell: str) -> str:
     if text.lower() in _NO_UNIT:
         return ""
     text = re.sub(r"([a-zA-Z])(-?\d)", r"\1^\2", text.replace("²", "^2"))
-    for ours, theirs in (("°C", "degC"), ("°", "deg"), ("µ", "u"), ("sec", "s"), ("·", "*")):
+    for ours, theirs in (("°C", "degC"), ("°", "deg"), ("µ", "u"), ("μ", "u"), ("sec", "s"), ("·", "*")):
         text = text.replace(ours, theirs)
     return text
 
