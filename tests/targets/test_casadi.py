@@ -22,16 +22,29 @@ def points(block, n=100):
 
 
 def assert_same(block, n=100):
+    """Compare to 1e-12, or to 8 times the change by rounding the arguments, which must be below 1e-8."""
     functions, expected = block.to("casadi"), block.to_numpy()
+    rng = np.random.default_rng(2)
     for t, x, u in points(block, n):
         for own, other in (
             (functions.derivatives, expected.derivatives),
             (functions.outputs, expected.outputs),
         ):
             found, wanted = np.array(own(t, x, u, functions.parameters)).ravel(), other(t, x, u)
-            np.testing.assert_allclose(
-                found, wanted, rtol=1e-12, atol=1e-13 * np.abs(wanted).max(initial=1.0)
-            )
+            room = 1e-12 * np.abs(wanted) + 1e-13 * np.abs(wanted).max(initial=1.0)
+            if not (np.abs(found - wanted) <= room).all():
+                room = np.maximum(room, 8 * rounding(other, t, x, u, rng))
+                assert (room <= 1e-8 * np.abs(wanted).max(initial=1.0)).all()
+            assert (np.abs(found - wanted) <= room).all()
+
+
+def rounding(function, t, x, u, rng):
+    """Return the largest change of each value when states and inputs change by one unit in the last place."""
+    at, changed = function(t, x, u), []
+    for _ in range(8):
+        moved = [np.nextafter(a, rng.choice([-np.inf, np.inf], a.shape)) for a in (x, u)]
+        changed.append(np.abs(function(t, *moved) - at))
+    return np.max(changed, axis=0)
 
 
 @pytest.mark.parametrize("name", hc.VEHICLES)
@@ -66,6 +79,17 @@ def test_designed_controllers_and_guidance_are_numpys():
 
 @pytest.mark.parametrize("name", PARTS)
 def test_parts_with_tables_modes_and_random_numbers_are_numpys(name):
+    assert_same(choose(name).block)
+
+
+#: The solution for a position from ranges is ill-conditioned at random points: NumPy's own values change by
+#: 1e-11 to 1e-9 there when an argument changes by one unit in the last place.
+NAVIGATION = ["mechanisation", "heading_filter", "range_solver", "coupled_filter", "range_filter"]
+
+
+@pytest.mark.slow("coupled", "range_filter")
+@pytest.mark.parametrize("name", NAVIGATION)
+def test_filters_of_the_navigation_are_numpys_as_far_as_rounding_allows(name):
     assert_same(choose(name).block)
 
 
