@@ -174,7 +174,23 @@ def law_name(equation: str, factors: tuple[Factor, ...]) -> str:
     >>> law_name("r", (Factor("abs", "v"), Factor("", "r")))
     'law_r__abs_v__r'
     """
-    return PREFIX + BETWEEN.join((equation, *(f.word for f in factors)))
+    return law_in(equation, BETWEEN.join(f.word for f in factors))
+
+
+def form_of(name: str) -> str:
+    """Return the factors of a law as they stand in its name, without its equation.
+
+    Examples
+    --------
+    >>> form_of("law_r__abs_v__r"), law_in("v", form_of("law_r__abs_v__r"))
+    ('abs_v__r', 'law_v__abs_v__r')
+    """
+    return name.removeprefix(PREFIX).split(BETWEEN, 1)[1]
+
+
+def law_in(equation: str, form: str) -> str:
+    """Return the name of the law of a form (:func:`form_of`) in an equation."""
+    return f"{PREFIX}{equation}{BETWEEN}{form}"
 
 
 def law_text(name: str) -> str:

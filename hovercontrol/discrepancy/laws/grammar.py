@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import sympy as sp
 
 from hovercontrol.core.block import Block
 from hovercontrol.core.units import DIMENSIONLESS, dimension
-from hovercontrol.effects.law import FILTERED, Factor, law_name
+from hovercontrol.effects.law import FILTERED, Factor, form_of, law_in, law_name
 from hovercontrol.estimation.subject import Subject, structure
 
 #: Functions of one signal that stand alone.
@@ -96,6 +96,28 @@ def law_names(model: Subject) -> list[str]:
     """
     forms = list(_forms(signals_of(model)))
     return [law_name(equation, form) for equation in _equations(model) for form in forms]
+
+
+def elsewhere(model: Subject, names: Sequence[str]) -> list[str]:
+    """Return the laws of the same forms in the model's other equations.
+
+    They differ from the given ones in their place only. A force off the centre of mass acts in both.
+
+    Parameters
+    ----------
+    model : Model or BlockModel
+    names : sequence of str
+        Of laws.
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> elsewhere(hc.vehicle("c17_experiment"), ["law_r__abs_v__r"])
+    ['law_u__abs_v__r', 'law_v__abs_v__r']
+    """
+    products = dict.fromkeys(form_of(n) for n in names)
+    every = (law_in(equation, form) for form in products for equation in _equations(model))
+    return [n for n in every if n not in names]
 
 
 def _equations(model: Subject) -> list[str]:

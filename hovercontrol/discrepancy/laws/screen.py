@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.discrepancy.criteria import Criteria
+from hovercontrol.discrepancy.laws.grammar import elsewhere
 from hovercontrol.discrepancy.laws.symmetry import Signs, broken_by, symmetries
 from hovercontrol.discrepancy.search.candidates import Candidate, candidates
 from hovercontrol.discrepancy.search.fit import TRIALS
@@ -56,11 +57,14 @@ class Screened:
     ----------
     laws : list of LikelyLaw
         The best first.
+    elsewhere : list of str
+        Laws of the same forms in other equations.
     tests : float
         The effective number of independent laws that were looked at (:func:`effective_tests`).
     """
 
     laws: list[LikelyLaw]
+    elsewhere: list[str]
     tests: float
 
 
@@ -145,7 +149,9 @@ class _Screening:
             if gain > self.gains[i] + self.least:
                 likely = self._likely(j, gain)
                 found.setdefault(likely.name, likely)
-        return Screened(sorted(found.values(), key=lambda s: -s.gain), self.tests)
+        there = {e.name for e, open_ in zip(self.laws, self.open, strict=True) if open_}
+        others = [n for n in elsewhere(self.scores.fit.problem.model, list(found)) if n in there]
+        return Screened(sorted(found.values(), key=lambda s: -s.gain), others, self.tests)
 
     def _likely(self, i: int, gain: float) -> LikelyLaw:
         """Return a law with those that these logs do not tell from it, under the name of the simplest."""

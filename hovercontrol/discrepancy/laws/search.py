@@ -2,12 +2,15 @@
 
 The catalogue is searched first. Where it leaves more than noise, all forms of the grammar are screened on one
 table (:mod:`.screen`), and the few best are searched beside the catalogue by the same steps: fit, confirm,
-challenge, hold out.
+challenge, hold out. The same forms in the other equations are searched with them: a law that differs from one
+of the few in its place only is told from it or told as its rival, and a force off the centre of mass acts in
+two equations.
 
-A law stands in place of what the catalogue named, where it is surely likelier, and not beside it: beside a
-true name a form may stand for what has none. A name that a law of as few numbers surely beats is no name,
-whether the law is named or not; one that a law only beats by less has the law for a rival. A law that
-promises less than half of what the names took is not fitted.
+A law stands in place of what the catalogue named, where it is surely likelier, and not beside it in the same
+equation: beside a true name a form may stand for what has none. In an equation of its own it stands beside.
+A name that a law of as few numbers surely beats is no name, whether the law is named or not; one that a law
+only beats by less has the law for a rival. A law that promises less than half of what the names took is not
+fitted, unless it acts in an equation of its own.
 
 Among hundreds of forms one may stand for what has no form there: a load that swings makes thrust seem weaker
 in surge than in sway. Such a remainder is told from noise by its innovations
@@ -20,7 +23,7 @@ lead.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from hovercontrol.discrepancy.criteria import CRITERIA, Criteria
@@ -30,6 +33,7 @@ from hovercontrol.discrepancy.evidence.sensors import only_noise
 from hovercontrol.discrepancy.evidence.whiteness import random_remainder
 from hovercontrol.discrepancy.laws.grammar import law_names
 from hovercontrol.discrepancy.laws.screen import LikelyLaw, screened
+from hovercontrol.discrepancy.places import acts_in
 from hovercontrol.discrepancy.search.candidates import catalogue
 from hovercontrol.discrepancy.search.challenge import surely
 from hovercontrol.discrepancy.search.confirm import Rival, Selection
@@ -79,11 +83,12 @@ def with_laws(
     rows = [] if trace is None else trace
     rule, least = "gain of the law on left-out blocks, at least", criteria.least
     rows.extend(Decision("score", s.name, rule, s.gain, least, s.gain >= least) for s in few)
+    beside = _in_own_equations(few, selection)
     taken = base.cost - selection.final.cost
-    if not few or few[0].gain < TRIALS.half * taken:
+    if not few or (few[0].gain < TRIALS.half * taken and not beside):
         return found
-    known = [cls.name for cls in catalogue(base.problem.model) if cls.name not in selection.effects]
-    asked = [*known, *(s.name for s in few)]
+    known = [cls.name for cls in catalogue(base.problem.model) if beside or cls.name not in selection.effects]
+    asked = [*known, *(s.name for s in few), *screening.elsewhere]
     strict = _among(criteria, len(asked), len(known) + screening.tests)
     more = select(
         base, model, names=asked, max_effects=max_effects, criteria=strict, report=report, trace=trace,
@@ -108,6 +113,14 @@ def with_laws(
     leads = tuple(_unshown(again.evidence[n], n) for n in doubtful)
     found = _without_beaten(found, more)
     return replace(found, selection=replace(found.selection, leads=(*leads, *found.selection.leads)))
+
+
+def _in_own_equations(few: Sequence[LikelyLaw], selection: Selection) -> bool:
+    """Return whether a law acts in an equation in which nothing acts that is named, nor through a command."""
+    acting = [acts_in(selection.final, n).split() for n in selection.effects]
+    taken = {equation for where in acting for equation in where}
+    reaching = any(not equation.endswith("'") for equation in taken)  # a command or a sensor
+    return bool(acting) and not reaching and any(f"{s.trials[s.name].equation}'" not in taken for s in few)
 
 
 def _random(more: Selection, criteria: Criteria, rows: list[Decision]) -> bool:
