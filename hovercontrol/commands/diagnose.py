@@ -88,8 +88,6 @@ def diagnose(
             wanted = given.listed(effects, "--effects")
             lacking = diagnose_fmu(plant, logs_, held_, wanted, max_effects, report)
             files = lacking.save(out)
-        for warning in lacking.warnings:
-            print(f"warning: {warning}", file=sys.stderr)
         given.show("\n".join(lacking.sentences()), files, out, lacking.result() if json else None)
         return 0 if lacking.verdict in ("none", "effect") else 1
     lacks = given.model_of("diagnose", model, vehicle, params)

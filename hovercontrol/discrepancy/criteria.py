@@ -3,12 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
 from hovercontrol.estimation.fit import Fit
+
+
+class Likely(Protocol):
+    """A fit: twice its negative log likelihood, and its unknowns."""
+
+    @property
+    def cost(self) -> float:
+        """Twice the negative log likelihood."""
+
+    @property
+    def p(self) -> NDArray[np.float64]:
+        """The unknowns, shape (P,)."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +103,7 @@ class Criteria:
     most: float = 0.5
     visible: float = 6.6
 
-    def penalised(self, fit: Fit) -> float:
+    def penalised(self, fit: Likely) -> float:
         """Return the penalised cost of a fit: minus twice the log likelihood, plus `each` per unknown."""
         return fit.cost + self.each * len(fit.p)
 

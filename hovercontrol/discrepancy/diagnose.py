@@ -18,7 +18,8 @@ from hovercontrol.discrepancy.evidence.laws import regime
 from hovercontrol.discrepancy.evidence.remainder import missing_forces, remainders
 from hovercontrol.discrepancy.evidence.sensors import slow_errors
 from hovercontrol.discrepancy.experiment.propose import next_experiment
-from hovercontrol.discrepancy.fmu import FmuDiagnosis, diagnose_fmu
+from hovercontrol.discrepancy.fmu import diagnose_fmu
+from hovercontrol.discrepancy.fmu_diagnosis import FmuDiagnosis
 from hovercontrol.discrepancy.laws.search import with_laws
 from hovercontrol.discrepancy.laws.yardstick import yardsticks
 from hovercontrol.discrepancy.search.base import base_fit
@@ -104,7 +105,7 @@ def diagnose(
 
     Returns
     -------
-    Diagnosis, or of an FMU :class:`~hovercontrol.discrepancy.fmu.FmuDiagnosis`
+    Diagnosis, or of an FMU :class:`~hovercontrol.discrepancy.fmu_diagnosis.FmuDiagnosis`
 
     Raises
     ------

@@ -1,45 +1,42 @@
 """What an FMU lacks: effects before its inputs, after its outputs and in its derivatives, by likelihood.
 
 Each candidate is screened by its linear response beside the sensitivities of the fit. The best are fitted
-with all parameters. Schwarz' criterion of the whitened residuals (:mod:`hovercontrol.fmi.replay.whitening`)
-decides: residuals that depend on their past are an autoregression, as process noise would make them, so
-that a disturbed plant does not call for an effect.
+with all parameters. What an effect needs to be named is what other models ask for
+(:mod:`hovercontrol.discrepancy.criteria`), with the likelihood of the whitened residuals
+(:mod:`hovercontrol.fmi.replay.whitening`): residuals that depend on their past are an autoregression, as
+process noise would make them, so that a disturbed plant does not call for an effect.
 """
 
 from __future__ import annotations
 
-import json
-import warnings
+import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from hovercontrol.core.boundary import checked
+from hovercontrol.discrepancy.criteria import CRITERIA
+from hovercontrol.discrepancy.evidence.blocks import Blocks, along, of_gain, scatter
+from hovercontrol.discrepancy.evidence.holdout import fall_of_errors
+from hovercontrol.discrepancy.fmu_diagnosis import FmuDiagnosis, FmuNamed
+from hovercontrol.discrepancy.search.challenge import surely
+from hovercontrol.discrepancy.search.leads import Lead
+from hovercontrol.discrepancy.search.rules import tests_of
+from hovercontrol.discrepancy.search.trace import Decision
+from hovercontrol.discrepancy.verdict import verdict
 from hovercontrol.effects import Effect, Shape
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.estimation.excitation import covariance
 from hovercontrol.fmi.replay.candidates import Candidate, candidates
-from hovercontrol.fmi.replay.held_out import held_out
+from hovercontrol.fmi.replay.held_out import held_out, shares_of
 from hovercontrol.fmi.replay.output_error import FmuFit, fit_fmu, refine
 from hovercontrol.fmi.replay.plant import FmuPlant
 from hovercontrol.fmi.replay.rows import Rows, trials_of
 from hovercontrol.fmi.replay.runs import RunFailed
-from hovercontrol.fmi.replay.start_values import (
-    around_json,
-    save_around,
-    save_copy,
-    save_corrected,
-    save_csv,
-    save_ssv,
-)
 from hovercontrol.fmi.replay.unknowns import Unknowns, estimated
-from hovercontrol.io.folders import write_folder
-from hovercontrol.io.plain_json import json_text, plain
 from hovercontrol.logs.log import Log
 
 Array = NDArray[np.float64]
@@ -47,11 +44,9 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class FmuCriteria:
-    """Thresholds of the search.
+    """What limits the effort of the search; what an effect needs is in ``CRITERIA`` of all models.
 
-    No published source for `fitted`, `screened` and `worse`: set by hand; the benchmark ``fmu_models`` counts
-    the names that they give. Differences of Schwarz' criterion: above 10 the evidence is very strong,
-    above 6 strong (Kass and Raftery, JASA 90 (1995)).
+    No published source: set by hand; the benchmark ``fmu_models`` counts the names that they give.
 
     Attributes
     ----------
@@ -59,162 +54,98 @@ class FmuCriteria:
         Smallest decrease of the sum of squares by the linear response, in noise variances.
     fitted : int
         Most candidates fitted in a step.
-    gain : float
-        Smallest decrease of the criterion by an effect that is named.
-    apart : float
-        A candidate closer than this to the best is a rival.
-    worse : float
-        A held-out log may be predicted worse by this factor at most.
     iterations : int
         Of each candidate's fit.
     """
 
     screened: float = 12.0
     fitted: int = 8
-    gain: float = 10.0
-    apart: float = 6.0
-    worse: float = 1.05
     iterations: int = 15
 
 
-#: Name of the FMU with effects around it.
-CORRECTED = "corrected.fmu"
 #: The values in use.
-CRITERIA = FmuCriteria()
+EFFORT = FmuCriteria()
 
 
-@dataclass(frozen=True)
-class FmuNamed:
-    """An effect that the FMU lacks.
-
-    Attributes
-    ----------
-    place : {"before", "after", "added"}
-    effect : str
-    numbers, std : mapping
-        Its numbers and their standard errors.
-    gain : float
-        Decrease of Schwarz' criterion.
-    rivals : tuple of str
-        Effects that the logs do not tell from it, with their place.
-    """
-
-    place: str
-    effect: str
-    numbers: Mapping[str, float]
-    std: Mapping[str, float]
-    gain: float
-    rivals: tuple[str, ...] = ()
-
-    def __str__(self) -> str:
-        where = {"before": "before the FMU", "after": "after the FMU", "added": "in the FMU's equations"}
-        said = ", ".join(f"{k} = {v:.4g} ± {self.std[k]:.2g}" for k, v in self.numbers.items())
-        more = f"; the logs do not tell it from {', '.join(self.rivals)}" if self.rivals else ""
-        return f"{self.effect} {where[self.place]}: {said}{more}"
-
-
-@checked
 @dataclass(frozen=True, eq=False)
-class FmuDiagnosis:
-    """The result of :func:`~hovercontrol.discrepancy.diagnose.diagnose` of an FMU.
+class _Tried:
+    """A candidate beside other effects: the fits without and with it."""
 
-    Attributes
-    ----------
-    verdict : {"none", "effect", "partial", "ambiguous", "unexplained"}
-        As of :class:`~hovercontrol.discrepancy.diagnosis.Diagnosis`; a remainder is a residual that
-        depends on its past.
-    effects : tuple of FmuNamed
-    model : FmuPlant
-        As given.
-    amended : FmuPlant
-        With the effects around the FMU (``amended.around``) and the estimates.
-    residual_before, residual_after : mapping
-        Root mean square of measured minus computed of each channel.
-    remains : tuple of str
-        Channels whose residual depends on its past.
-    held_before, held_after : mapping
-        Of each held-out log and channel: residual over spread.
-    base, final : FmuFit
-    warnings : tuple of str
-    """
+    candidate: Candidate
+    less: FmuFit
+    fit: FmuFit
 
-    verdict: str
-    effects: tuple[FmuNamed, ...]
-    model: FmuPlant
-    amended: FmuPlant
-    residual_before: Mapping[str, float]
-    residual_after: Mapping[str, float]
-    remains: tuple[str, ...]
-    held_before: Mapping[str, Mapping[str, float]]
-    held_after: Mapping[str, Mapping[str, float]]
-    base: FmuFit
-    final: FmuFit
-    warnings: tuple[str, ...] = field(default=())
+    @property
+    def name(self) -> str:
+        return self.candidate.name
 
-    def sentences(self) -> list[str]:
-        """Return the result as sentences."""
-        said = [f"{self.model.name} lacks {e}" for e in self.effects]
-        if not self.effects:
-            said = [
-                f"{self.model.name} lacks nothing: its residuals are measurement noise"
-                if self.verdict == "none"
-                else f"{self.model.name}: no effect around the FMU explains the logs"
-            ]
-        sizes = [
-            f"{c} {before:.3g} -> {self.residual_after[c]:.3g}" for c, before in self.residual_before.items()
-        ]
-        said.append(f"residuals (root mean square): {', '.join(sizes)}")
-        if self.remains:
-            said.append(f"the residuals of {', '.join(self.remains)} still depend on their past")
-        for log, shares in self.held_after.items():
-            pairs = [f"{c} {self.held_before[log][c]:.3g} -> {v:.3g}" for c, v in shares.items()]
-            said.append(f"{log} (held out): residual over spread: {', '.join(pairs)}")
-        return said
+    @property
+    def gain(self) -> float:
+        return self.less.cost - self.fit.cost
 
-    def __repr__(self) -> str:
-        return "\n".join([f"FmuDiagnosis: {self.verdict}", *(f"  {line}" for line in self.sentences())])
+    @property
+    def blocks(self) -> Blocks:
+        return agreement(self.fit, self.less, self.candidate)
 
-    def result(self) -> dict[str, Any]:
-        """Return the result as what JSON holds."""
-        found: dict[str, Any] = plain(
-            {
-                "model": self.model.name,
-                "verdict": self.verdict,
-                "effects": [vars(e) for e in self.effects],
-                "residual_before": dict(self.residual_before),
-                "residual_after": dict(self.residual_after),
-                "remains": list(self.remains),
-                "held_before": dict(self.held_before),
-                "held_after": dict(self.held_after),
-                "around": around_json(self.amended.around),
-                "warnings": list(self.warnings),
-            }
-        )
+
+#: A candidate, its fall of the sum of squares, and the effect at which a fit begins.
+_Scored: TypeAlias = tuple[float, Candidate, Effect]
+
+
+@dataclass(eq=False)
+class _Search:
+    """What all steps share: the candidates that are wanted, the trace, the leads."""
+
+    wanted: set[str] | None
+    said: Callable[[str], None]
+    trace: list[Decision] = field(default_factory=list)
+    leads: dict[str, Lead] = field(default_factory=dict)
+    looked_at: int = 1
+    _screened: list[tuple[FmuFit, list[_Scored]]] = field(default_factory=list)
+    _fits: list[tuple[FmuFit, str, FmuFit | None]] = field(default_factory=list)
+
+    def asked_for(self, candidate: Candidate) -> bool:
+        """Whether a candidate may be named."""
+        return self.wanted is None or candidate.name in self.wanted
+
+    def best(self, fit: FmuFit) -> list[_Scored]:
+        """Return the candidates that may improve a fit, the best first, and where a fit of each begins."""
+        for known, found in self._screened:
+            if known is fit:
+                return found
+        every = candidates(fit.model, fit.unknowns.logs)
+        every = [c for c in every if self.asked_for(c)]
+        self.looked_at = max(self.looked_at, len(every))
+        self.said("screening effects")
+        found = _screened(fit, every)[: EFFORT.fitted]
+        rule = "fall of the sum of squares, at least"
+        self.trace += [Decision("score", c.name, rule, gain, EFFORT.screened) for gain, c, _ in found]
+        self._screened.append((fit, found))
         return found
 
-    def save(self, folder: str | Path) -> list[Path]:
-        """Write result.json, around.json, start_values.csv, start_values.ssv and FMUs with the estimates.
+    def fit(self, less: FmuFit, candidate: Candidate, begin: Effect) -> FmuFit | None:
+        """Return the fit with a candidate added; each is made once."""
+        for known, name, made in self._fits:
+            if known is less and name == candidate.name:
+                return made
+        self.said(f"fitting {candidate.name}")
+        found = _fitted(less, candidate, begin)
+        self._fits.append((less, candidate.name, found))
+        return found
 
-        A copy of the FMU has the estimates as start values. If effects were found, ``corrected.fmu`` has the
-        FMU inside and the effects around it (:func:`hovercontrol.fmi.corrected_fmu`). Without a C compiler
-        it is not written; a warning says so.
-        """
+    def passes(self, t: _Tried) -> bool:
+        """Return whether an effect passes all tests, each of which becomes a row of the trace."""
+        numbers, left = len(t.fit.p) - len(t.less.p), any(t.fit.whitening.orders)
+        rows = tests_of(t.name, t.gain, numbers, t.blocks, self.looked_at, CRITERIA, left)
+        self.trace += [row for row, _ in rows]
+        why = next((reason for row, reason in rows if not row.passed), "")
+        if why:
+            self.lead(t, why)
+        return not why
 
-        def write(temporary: Path) -> None:
-            text = json_text(self.result())
-            json.loads(text)
-            (temporary / "result.json").write_text(text, encoding="utf-8")
-            save_around(self.amended.around, temporary / "around.json")
-            save_csv(self.amended, temporary / "start_values.csv")
-            save_ssv(self.amended, temporary / "start_values.ssv")
-            save_copy(self.amended, temporary / self.model.path.name)
-            if self.amended.around.effects:
-                try:
-                    save_corrected(self.amended, temporary / CORRECTED)
-                except InputError as fault:  # what was found must not be lost for want of a compiler
-                    warnings.warn(f"{CORRECTED} was not written: {fault}", stacklevel=2)
-
-        return write_folder(folder, write, stale=(CORRECTED,))
+    def lead(self, t: _Tried, reason: str) -> None:
+        """Keep an effect that is not named, with the reason."""
+        self.leads[t.name] = Lead(t.name, t.gain, t.blocks.t, reason, t.blocks.n)
 
 
 def diagnose_fmu(
@@ -236,53 +167,46 @@ def diagnose_fmu(
     rows = trials_of(model, logs)
     if max_effects < 1:
         raise InputError(f"max_effects: expected 1 or more, found {max_effects}")
-    wanted = _wanted(model, rows, names)
     done = [0]
 
     def said(what: str) -> None:
         done[0] += 1
         report(0.9 * done[0] / (5 + done[0]), what)
 
+    search = _Search(_wanted(model, rows, names), said)
     with threadpool_limits(1, "blas"):
         base = fit_fmu(model, rows, said)
-        now, named = base, list[FmuNamed]()
+        now, named = base, list[_Tried]()
         while len(named) < max_effects:
-            step = _step(now, wanted, said)
+            step = _step(search, now)
             if step is None:
                 break
-            now, effect = step
-            named.append(effect)
+            now = step.fit
+            named.append(step)
+        now, named = _confirmed(search, base, now, named)
         said("predicting the held-out logs")
         before = {log.name: held_out(base.model, log) for log in holdout}
-        after = {log.name: held_out(now.model, log) for log in holdout}
-    worse = any(after[k][c] > CRITERIA.worse * before[k][c] for k in after for c in after[k])
+        now, named, after = _held(search, base, now, named, holdout, before)
+        effects = tuple(_named(search, t, now) for t in named)
     signals = (*model.outputs, *model.states)
     channels = [signals[i].name for i in rows[0].places]
     remains = tuple(c for c, n in zip(channels, now.whitening.orders, strict=True) if n)
-    said_of = ("a held-out log is predicted worse with the effects",) if worse and named else ()
     report(1.0, "done")
     return FmuDiagnosis(
-        _verdict(named, remains, worse),
-        tuple(named),
+        verdict(bool(effects), any(e.rivals for e in effects), bool(remains)),
+        effects,
+        tuple(sorted(search.leads.values(), key=lambda lead: -lead.gain)),
         model,
         now.model,
         dict(zip(channels, base.rms.tolist(), strict=True)),
         dict(zip(channels, now.rms.tolist(), strict=True)),
         remains,
-        before,
-        after,
+        {name: shares_of(fit) for name, fit in before.items()},
+        {name: shares_of(fit) for name, fit in after.items()},
         base,
         now,
-        said_of,
+        tuple(search.trace),
     )
-
-
-def _verdict(named: Sequence[FmuNamed], remains: Sequence[str], worse: bool) -> str:
-    if not named:
-        return "unexplained" if remains else "none"
-    if worse or any(e.rivals for e in named):
-        return "ambiguous"
-    return "partial" if remains else "effect"
 
 
 def _wanted(model: FmuPlant, rows: Sequence[Rows], names: Sequence[str] | None) -> set[str] | None:
@@ -296,27 +220,108 @@ def _wanted(model: FmuPlant, rows: Sequence[Rows], names: Sequence[str] | None) 
     return {c.name for c in known if {c.name, c.cls.name} & set(names)}
 
 
-def _step(
-    fit: FmuFit, wanted: set[str] | None, said: Callable[[str], None]
-) -> tuple[FmuFit, FmuNamed] | None:
-    """Return the fit with the best further effect, and the effect; None if there is none."""
-    every = candidates(fit.model, fit.unknowns.logs)
-    every = [c for c in every if wanted is None or c.name in wanted]
-    said("screening effects")
-    found = _screened(fit, every)
-    fits: list[tuple[FmuFit, Candidate]] = []
-    for _, candidate, begin in found[: CRITERIA.fitted]:
-        said(f"fitting {candidate.name}")
-        trial = _fitted(fit, candidate, begin)
-        if trial is not None:
-            fits.append((trial, candidate))
-    fits.sort(key=lambda pair: pair[0].bic)
-    if not fits or fit.bic - fits[0][0].bic < CRITERIA.gain:
-        return None
-    best, chosen = fits[0]
-    rivals = tuple(c.name for f, c in fits[1:] if f.bic - best.bic < CRITERIA.apart)
-    numbers, std = _numbers(best, chosen)
-    return best, FmuNamed(chosen.place, chosen.cls.name, numbers, std, fit.bic - best.bic, rivals)
+def _step(search: _Search, fit: FmuFit) -> _Tried | None:
+    """Return the likeliest further effect that passes all tests; None if there is none."""
+    tried = []
+    for _, candidate, begin in search.best(fit):
+        trial = search.fit(fit, candidate, begin)
+        if trial is not None and search.passes(_Tried(candidate, fit, trial)):
+            tried.append(_Tried(candidate, fit, trial))
+    return min(tried, key=lambda t: CRITERIA.penalised(t.fit), default=None)
+
+
+def _confirmed(
+    search: _Search, base: FmuFit, final: FmuFit, named: list[_Tried]
+) -> tuple[FmuFit, list[_Tried]]:
+    """Return the effects that pass all tests with the others in the model.
+
+    The one that brings least of those that fail is taken out, and the others are tested again.
+    """
+    while named:
+        own = [_Tried(t.candidate, _less(base, final, [t], named), final) for t in named]
+        poor = [t for t in own if not search.passes(t)]
+        if not poor:
+            return final, own
+        least = min(poor, key=lambda t: t.gain)
+        final, named = least.less, [t for t in own if t is not least]
+    return base, []
+
+
+def _held(
+    search: _Search,
+    base: FmuFit,
+    final: FmuFit,
+    named: list[_Tried],
+    holdout: Sequence[Log],
+    before: Mapping[str, FmuFit],
+) -> tuple[FmuFit, list[_Tried], Mapping[str, FmuFit]]:
+    """Return the effects with which the held-out logs are not predicted significantly worse."""
+    if not (named and holdout):
+        return final, named, before
+    after, worse = {log.name: held_out(final.model, log) for log in holdout}, list[_Tried]()
+    for t in named:
+        alone = len(named) == 1
+        less = before if alone else {log.name: held_out(t.less.model, log) for log in holdout}
+        falls = [_fall(less[name], after[name]) for name in after]
+        rule = "t of the fall of held-out errors, at least"
+        good = float(np.mean(falls)) >= -CRITERIA.worse
+        search.trace.append(Decision("hold out", t.name, rule, float(np.mean(falls)), -CRITERIA.worse, good))
+        if not good:
+            search.lead(t, "the held-out logs are predicted worse with it")
+            worse.append(t)
+    if not worse:
+        return final, named, after
+    final = _less(base, final, worse, named)
+    final, named = _confirmed(search, base, final, [t for t in named if t not in worse])
+    return final, named, {log.name: held_out(final.model, log) for log in holdout}
+
+
+def _fall(less: FmuFit, more: FmuFit) -> float:
+    """Return the fall of squared errors on a log, in standard errors over its blocks."""
+    count = len(more.block_log)
+    errors = [np.concatenate(fit.residuals) for fit in (less, more)]
+    block = np.repeat(np.arange(count), [len(b) for b in np.array_split(errors[0], count)])
+    return fall_of_errors(errors[0], errors[1], block)
+
+
+def _named(search: _Search, t: _Tried, final: FmuFit) -> FmuNamed:
+    """Return a named effect with its numbers in the final fit, and the effects that may stand for it.
+
+    A rival passes all tests in its place, and its penalised cost is higher by little or trails by few
+    standard errors over blocks.
+    """
+    mine, rivals = t.candidate.tried[0], []
+    every = candidates(final.model, final.unknowns.logs)
+    same = tuple(c.name for c in every if mine.twin(c.tried[0]) and search.asked_for(c))
+    for _, candidate, begin in search.best(t.less):
+        if candidate.name in (t.name, *same):
+            continue
+        trial = search.fit(t.less, candidate, begin)
+        if trial is None:
+            continue
+        behind, score = CRITERIA.penalised(trial) - CRITERIA.penalised(final), surely(trial, final)
+        near = behind < CRITERIA.apart or score < CRITERIA.apart_t
+        rule = f"behind {t.name} in its place, less than"
+        search.trace.append(Decision("challenge", candidate.name, rule, behind, CRITERIA.apart, near))
+        if near and search.passes(_Tried(candidate, t.less, trial)):
+            rivals.append(candidate.name)
+    numbers, std = numbers_of(final, t.candidate)
+    c = t.candidate
+    return FmuNamed(c.place, c.cls.name, numbers, std, t.gain, t.blocks, tuple(rivals), same)
+
+
+def agreement(fit: FmuFit, less: FmuFit, candidate: Candidate) -> Blocks:
+    """Return how blocks agree on a fitted effect, as :func:`.evidence.blocks.agreement` does."""
+    numbers = {k: j for k, j in _places(fit, candidate).items()}
+    neutral = {k: candidate.cls.numbers[k].neutral for k in numbers}
+    scaling = [(numbers[k], n) for k, n in neutral.items() if not math.isnan(n)]
+    if not scaling:
+        return of_gain(less.block_costs - fit.block_costs, fit.block_log)
+    mine = [j for j, _ in scaling]
+    away = np.array([fit.p[j] - n for j, n in scaling])
+    others = [j for j in range(len(fit.p)) if j not in mine]
+    information, u = along(fit.S, fit.g, np.zeros(len(fit.p)), mine, others, away)
+    return scatter(u + information, information, fit.block_log)
 
 
 def _screened(fit: FmuFit, every: Sequence[Candidate]) -> list[tuple[float, Candidate, Effect]]:
@@ -366,7 +371,7 @@ def _screened(fit: FmuFit, every: Sequence[Candidate]) -> list[tuple[float, Cand
             gain = max(gain, 0.5 * a * a * square) if not linear else gain
             if best is None or gain > best[0]:
                 best = (gain, candidate, start)
-        if best is not None and best[0] > CRITERIA.screened:
+        if best is not None and best[0] > EFFORT.screened:
             found.append(best)
     return sorted(found, key=lambda one: -one[0])
 
@@ -382,15 +387,43 @@ def _with(fit: FmuFit, plant: FmuPlant) -> tuple[Unknowns, Array]:
 def _fitted(fit: FmuFit, candidate: Candidate, begin: Effect) -> FmuFit | None:
     unknowns, values = _with(fit, candidate.added_to(fit.model, begin))
     try:
-        return refine(unknowns, values, CRITERIA.iterations)
+        return refine(unknowns, values, EFFORT.iterations)
     except RunFailed:
         return None
 
 
-def _numbers(fit: FmuFit, candidate: Candidate) -> tuple[dict[str, float], dict[str, float]]:
+def _less(base: FmuFit, final: FmuFit, out: Sequence[_Tried], named: Sequence[_Tried]) -> FmuFit:
+    """Return the fit without some of the named effects."""
+    if len(out) == len(named):
+        return base
+    gone = {(t.candidate.place, t.candidate.cls.name) for t in out}
+    around = final.model.around
+    plant = replace(
+        final.model,
+        around=replace(
+            around,
+            at_inputs=tuple(e for e in around.at_inputs if ("before", e.name) not in gone),
+            at_outputs=tuple(e for e in around.at_outputs if ("after", e.name) not in gone),
+            in_equations=tuple(e for e in around.in_equations if ("added", e.name) not in gone),
+        ),
+    )
+    unknowns, values = _with(final, plant)
+    return refine(unknowns, values, EFFORT.iterations)
+
+
+def _places(fit: FmuFit, candidate: Candidate) -> dict[str, int]:
+    """Return the place of each number of an effect among the unknowns of a fit."""
+    cls = candidate.cls
+    return {
+        k: fit.unknowns.names.index(f"{candidate.place}.{cls.parameter(k)}") for k in estimated(cls.small())
+    }
+
+
+def numbers_of(fit: FmuFit, candidate: Candidate) -> tuple[dict[str, float], dict[str, float]]:
+    """Return the numbers of an effect and their standard errors."""
     C = covariance(fit.information, fit.unknowns.size, fit.widen)
-    numbers, std = {}, {}
-    for k in estimated(candidate.cls.small()):
-        j = fit.unknowns.names.index(f"{candidate.place}.{candidate.cls.parameter(k)}")
-        numbers[k], std[k] = float(fit.values[j]), float(np.sqrt(C[j, j]))
-    return numbers, std
+    places = _places(fit, candidate)
+    return (
+        {k: float(fit.values[j]) for k, j in places.items()},
+        {k: float(np.sqrt(C[j, j])) for k, j in places.items()},
+    )

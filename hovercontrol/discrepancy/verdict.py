@@ -13,6 +13,12 @@ Verdict = Literal["effect", "none", "ambiguous", "partial", "unexplained"]
 
 
 def verdict_of(selection: Selection, remainders: Sequence[Remainder | SlowError]) -> Verdict:
+    """Return the verdict on a selection; see :func:`verdict`."""
+    rivals = any(not r.same for r in selection.rivals)
+    return verdict(bool(selection.effects), rivals, any(r.there for r in remainders))
+
+
+def verdict(named: bool, rivals: bool, remains: bool) -> Verdict:
     """Return the verdict. A remainder does not withdraw a named effect.
 
     =========== =================================================================================
@@ -23,9 +29,8 @@ def verdict_of(selection: Selection, remainders: Sequence[Remainder | SlowError]
     unexplained something is missing, but no effect can be named
     =========== =================================================================================
     """
-    remains = any(r.there for r in remainders)
-    if any(not r.same for r in selection.rivals):
+    if rivals:
         return "ambiguous"
-    if selection.effects:
+    if named:
         return "partial" if remains else "effect"
     return "unexplained" if remains else "none"

@@ -20,7 +20,7 @@ from hovercontrol.estimation.excitation import (
     reason,
     unexcited_directions,
 )
-from hovercontrol.fmi.replay.held_out import held_out
+from hovercontrol.fmi.replay.held_out import held_out, shares_of
 from hovercontrol.fmi.replay.output_error import FmuFit, fit_fmu, refine
 from hovercontrol.fmi.replay.plant import FmuPlant
 from hovercontrol.fmi.replay.rows import trials_of
@@ -184,7 +184,7 @@ def identify_fmu(
 
     with threadpool_limits(1, "blas"):
         fit = fit_fmu(model, rows, passed)
-        held = {log.name: held_out(fit.model, log) for log in holdout}
+        held = {log.name: shares_of(held_out(fit.model, log)) for log in holdout}
     report(1.0, "done")
     return identified(fit, held)
 

@@ -177,13 +177,15 @@ def of_effect(fit: Fit, name: str) -> Blocks:
     mine = [j for j, _ in scaling]
     away = np.array([fit.p[j] - neutral for j, neutral in scaling]) / problem.slope(fit.p)[mine]
     others = [j for j in fit.movable if j not in mine]
-    information, u = _along(fit, mine, others, away)
+    information, u = along(fit.S, fit.g, fit.prior.precision, mine, others, away)
     # u_w is the score at the fitted size, 1; at size zero it is u_w + I_w
     found = scatter(u + information, information, log)
     return replace(found, spread=max(found.spread, _uneven(fit, name)))
 
 
-def _along(fit: Fit, mine: list[int], others: list[int], away: Array) -> tuple[Array, Array]:
+def along(
+    S: Array, g: Array, precision: Array, mine: list[int], others: list[int], away: Array
+) -> tuple[Array, Array]:
     """Return each block's information and score along a direction of some unknowns.
 
     The other unknowns are re-estimated on all blocks together. With m the unknowns `mine`, o the others, a
@@ -192,10 +194,9 @@ def _along(fit: Fit, mine: list[int], others: list[int], away: Array) -> tuple[A
         B = (sum_w S_oo + Lambda)^-1 sum_w S_om
         I_w = a'(S_mm - S_mo B - B'S_om + B'S_oo B) a,    u_w = a'(g_m - B'g_o)
     """
-    S, g = fit.S, fit.g
     J, u = S[:, mine][:, :, mine], g[:, mine]
     if others:
-        total = S.sum(axis=0) + np.diag(fit.prior.precision)
+        total = S.sum(axis=0) + np.diag(precision)
         back = inverse(total[np.ix_(others, others)]) @ total[np.ix_(others, mine)]
         cross = S[:, mine][:, :, others]
         J = (
@@ -221,16 +222,16 @@ def _uneven(fit: Fit, name: str) -> float:
         return 0.0
     symbols = e.symbols(problem.block.name)
     others = set(e.factors(symbols, SimpleNamespace(time=time)))
-    along = np.zeros(len(fit.p))
+    modulated = np.zeros(len(fit.p))
     for o in problem.model.effects:
         if o.name in others and o.parameter("value") in problem.names:
             j = problem.names.index(o.parameter("value"))
-            along[j] = fit.p[j]
+            modulated[j] = fit.p[j]
     scaling = [(k, n.neutral) for k, n in e.numbers.items() if not np.isnan(n.neutral)]
     size = max(abs(e.values[k] - neutral) / max(abs(e.values[k]), abs(neutral)) for k, neutral in scaling)
-    information = np.maximum(np.einsum("p,wpq,q->w", along, fit.S, along), 0.0)
+    information = np.maximum(np.einsum("p,wpq,q->w", modulated, fit.S, modulated), 0.0)
     # I_w = a'S_w a and u_w = a'g_w along a, the coefficients of the modulated effects
-    own = scatter(fit.g @ along + information, information, problem.rows.block_log)
+    own = scatter(fit.g @ modulated + information, information, problem.rows.block_log)
     return own.spread / max(size, 1e-9)
 
 
@@ -254,7 +255,20 @@ def agreement(fit: Fit, less: Fit, name: str) -> Blocks:
     )
     if scaled:
         return of_effect(fit, name)
-    gain = less.block_costs - fit.block_costs
+    found = of_gain(less.block_costs - fit.block_costs, fit.problem.rows.block_log)
+    return replace(found, spread=_uneven_shape(fit, name))
+
+
+def of_gain(gain: Array, log: NDArray[np.intp]) -> Blocks:
+    """Return how blocks agree on a gain; see :func:`agreement`. The spread is zero.
+
+    Parameters
+    ----------
+    gain : ndarray, shape (W,)
+        Reduction of twice the negative log likelihood of each block.
+    log : ndarray of int, shape (W,)
+        Index of the log of each block.
+    """
     total = float(gain.sum())
     counts = np.abs(gain) > 0.05 * abs(total) / max(gain.size, 1)
     effective = total**2 / max(float((gain**2).sum()), 1e-300)
@@ -263,8 +277,8 @@ def agreement(fit: Fit, less: Fit, name: str) -> Blocks:
     share = gain * gain.size / max(abs(total), 1e-300)
     dof = max(gain.size - 1.0 if effective > 1 else 0.0, 0.0)
     return Blocks(
-        share, np.full(gain.size, np.nan), fit.problem.rows.block_log, int(counts.sum()),
-        int((gain[counts] > 0).sum()), abs(t) if total > 0 else 0.0, dof, _uneven_shape(fit, name),
+        share, np.full(gain.size, np.nan), log, int(counts.sum()), int((gain[counts] > 0).sum()),
+        abs(t) if total > 0 else 0.0, dof, 0.0,
     )  # fmt: skip
 
 
@@ -280,7 +294,7 @@ def _uneven_shape(fit: Fit, name: str) -> float:
     if not mine:
         return 0.0
     others = [j for j in fit.movable if j not in mine]
-    along = np.zeros(len(mine))
-    along[0] = 1.0 if problem.log_scale[mine[0]] else fit.p[mine[0]]
-    information, u = _along(fit, mine, others, along)
+    away = np.zeros(len(mine))
+    away[0] = 1.0 if problem.log_scale[mine[0]] else fit.p[mine[0]]
+    information, u = along(fit.S, fit.g, fit.prior.precision, mine, others, away)
     return scatter(u + information, information, problem.rows.block_log).spread

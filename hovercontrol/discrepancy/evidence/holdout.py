@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -99,7 +100,15 @@ class Gained:
         return self.gain / self.scatter if self.scatter else 0.0
 
 
-def gained(less: Fit, more: Fit) -> Gained:
+class Blockwise(Protocol):
+    """A fit with the cost of each block of its logs."""
+
+    @property
+    def block_costs(self) -> Array:
+        """Twice the negative log likelihood of each block, shape (W,)."""
+
+
+def gained(less: Blockwise, more: Blockwise) -> Gained:
     """Return the gain of further effects on a held-out log, from the costs of its blocks.
 
     With d_w the reduction of the cost of block w of W, the gain is ``sum d_w``, its standard error
@@ -151,12 +160,7 @@ def ahead(before: Fit, after: Fit, wanted: Sequence[float] = (0.2, 0.5, 1.0, 2.0
         if one is None or two is None:
             continue
         fall = one.errors**2 - two.errors**2
-        seen = np.isfinite(fall)
-        squares = np.where(seen, 0.5 * (one.errors**2 + two.errors**2), 0.0)
-        size = squares.sum(axis=0) / np.maximum(seen.sum(axis=0), 1)
-        pooled = np.where(seen, fall / np.maximum(size, 1e-300), 0.0).sum(axis=1)
-        known = seen.any(axis=1)
-        together.append(_over_blocks(pooled[known] / seen[known].sum(axis=1), one.block[known]))
+        together.append(fall_of_errors(one.errors, two.errors, one.block))
         first = np.nanmean(one.errors**2, axis=0)
         with np.errstate(all="ignore"):
             left = np.nanmean(two.errors**2, axis=0) / first
@@ -169,6 +173,24 @@ def ahead(before: Fit, after: Fit, wanted: Sequence[float] = (0.2, 0.5, 1.0, 2.0
             t = _over_blocks(fall[known, c], one.block[known])
             found.append(Ahead(horizon, channel, unit, one.rms[channel], two.rms[channel], t))
     return Horizons(tuple(found), tuple(together), tuple(taken))
+
+
+def fall_of_errors(before: Array, after: Array, block: NDArray[np.intp]) -> float:
+    """Return the fall of the squared errors of all channels, in standard errors over blocks.
+
+    Parameters
+    ----------
+    before, after : ndarray, shape (K, C)
+        Errors of two models; NaN where nothing was measured.
+    block : ndarray of int, shape (K,)
+    """
+    fall = before**2 - after**2
+    seen = np.isfinite(fall)
+    squares = np.where(seen, 0.5 * (before**2 + after**2), 0.0)
+    size = squares.sum(axis=0) / np.maximum(seen.sum(axis=0), 1)
+    pooled = np.where(seen, fall / np.maximum(size, 1e-300), 0.0).sum(axis=1)
+    known = seen.any(axis=1)
+    return _over_blocks(pooled[known] / seen[known].sum(axis=1), block[known])
 
 
 def _over_blocks(values: Array, block: NDArray[np.intp]) -> float:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import chi2
 
+from hovercontrol.discrepancy.evidence.holdout import Blockwise
 from hovercontrol.discrepancy.search.candidates import beyond, candidates
 from hovercontrol.discrepancy.search.confirm import Confirmed, Rival, Selection, confirmed, lead_of
 from hovercontrol.discrepancy.search.fit import TRIALS, Search, Tried, try_effect, with_times
@@ -212,7 +213,7 @@ def _mistaken(search: Search, now: Confirmed, name: str, other: str) -> Iterator
     yield Mistaken(tuple(names), other, fit, gained, surely(now.own[name].fit, fit))
 
 
-def surely(one: Fit, other: Fit) -> float:
+def surely(one: Blockwise, other: Blockwise) -> float:
     """Return the excess cost of one fit over another, in standard errors over blocks.
 
     The test is that of Vuong, Econometrica 57 (1989): with d_w the difference in cost of block w of W,

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable
 
 from hovercontrol.discrepancy.criteria import Criteria
+from hovercontrol.discrepancy.evidence.blocks import Blocks
 from hovercontrol.discrepancy.evidence.sensors import only_noise
 from hovercontrol.discrepancy.search.candidates import catalogue
 from hovercontrol.discrepancy.search.fit import Search, Tried
@@ -35,17 +36,48 @@ def tested(t: Tried, looked_at: int, criteria: Criteria) -> list[tuple[Decision,
         Number of candidates among which it was chosen.
     criteria : Criteria
     """
-    b, left = t.blocks, not only_noise(t.fit, criteria)
+    left = not only_noise(t.fit, criteria)
+    return tests_of(t.name, t.gain, t.numbers, t.blocks, looked_at, criteria, left, t.effect.flexible)
+
+
+def tests_of(
+    name: str,
+    gain: float,
+    numbers: int,
+    b: Blocks,
+    looked_at: int,
+    criteria: Criteria,
+    left: bool,
+    flexible: bool = False,
+) -> list[tuple[Decision, str]]:
+    """Return the tests of an effect with so much gain and agreement of blocks; see :func:`tested`.
+
+    Parameters
+    ----------
+    name : str
+    gain : float
+        Reduction of twice the negative log likelihood.
+    numbers : int
+        Number of unknowns of the effect.
+    b : Blocks
+    looked_at : int
+        Number of candidates among which it was chosen.
+    criteria : Criteria
+    left : bool
+        Whether the fit with the effect leaves more than noise.
+    flexible : bool, optional
+        Whether it has so many numbers that it could stand for others.
+    """
 
     def row(rule: str, value: float, limit: float, passed: bool, reason: str) -> tuple[Decision, str]:
-        return Decision("confirm", t.name, rule, float(value), float(limit), bool(passed)), reason
+        return Decision("confirm", name, rule, float(value), float(limit), bool(passed)), reason
 
-    asked = criteria.least + criteria.each * t.numbers
-    reason = f"gains {t.gain:.3g} in twice the log likelihood, {asked:g} are asked for"
-    rows = [row("gain in twice the log likelihood, at least", t.gain, asked, t.gain >= asked, reason)]
+    asked = criteria.least + criteria.each * numbers
+    reason = f"gains {gain:.3g} in twice the log likelihood, {asked:g} are asked for"
+    rows = [row("gain in twice the log likelihood, at least", gain, asked, gain >= asked, reason)]
     if not left:
         return rows
-    if t.effect.flexible:
+    if flexible:
         rule = "an effect of many numbers must leave only noise"
         rows.append(row(rule, math.nan, math.nan, False, "its many numbers do not explain all"))
     p, spread = criteria.level / max(looked_at, 1), criteria.spread(looked_at)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hovercontrol.errors import InputError
-from hovercontrol.fmi.replay.output_error import refine
+from hovercontrol.fmi.replay.output_error import FmuFit, refine
 from hovercontrol.fmi.replay.plant import FmuPlant
 from hovercontrol.fmi.replay.rows import rows_of
 from hovercontrol.fmi.replay.runs import RunFailed
@@ -13,8 +13,8 @@ from hovercontrol.fmi.replay.unknowns import Unknowns
 from hovercontrol.logs.log import Log
 
 
-def held_out(plant: FmuPlant, log: Log) -> dict[str, float]:
-    """Return residual over spread of each channel; only the states at the log's start are estimated.
+def held_out(plant: FmuPlant, log: Log) -> FmuFit:
+    """Return the fit of a log in which only the states at its start are estimated.
 
     Raises
     ------
@@ -24,9 +24,14 @@ def held_out(plant: FmuPlant, log: Log) -> dict[str, float]:
     rows = rows_of(plant, log)[0]
     unknowns = Unknowns(plant, rows, starts_only=True)
     try:
-        fit = refine(unknowns, unknowns.start(), 10)
+        return refine(unknowns, unknowns.start(), 10)
     except RunFailed as fault:
         raise InputError(f"FMU {plant.name!r} failed on {log.name}: {fault}") from None
+
+
+def shares_of(fit: FmuFit) -> dict[str, float]:
+    """Return residual over spread of each channel."""
+    plant, rows = fit.unknowns.plant, fit.unknowns.logs
     signals = (*plant.outputs, *plant.states)
     spread = np.nanstd(np.concatenate([r.values for r in rows]), axis=0)
     shares = fit.rms / np.maximum(spread, 1e-300)

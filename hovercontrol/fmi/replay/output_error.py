@@ -42,7 +42,7 @@ PASSES = 3
 CONVERGED = 1e-7
 #: Halving of steps until they must reach this difference of outputs, over their spread.
 ACCURACY, MOST_PIECES = 1e-5, 256
-#: Blocks over which scores scatter.
+#: Blocks of all logs together, over which scores, sizes and gains scatter.
 BLOCKS = 20
 #: Level at which a larger scatter of the scores is chance.
 CHANCE = 0.999
@@ -56,8 +56,14 @@ class FmuFit:
     ----------
     unknowns : Unknowns
     values : ndarray, shape (P,)
-    information : ndarray, shape (P, P)
-        J'J.
+    S : ndarray, shape (W, P, P)
+        J'J of each block of the logs.
+    g : ndarray, shape (W, P)
+        J'w of each block.
+    block_costs : ndarray, shape (W,)
+        Twice the negative log likelihood of each block.
+    block_log : ndarray of int, shape (W,)
+        Index of the log of each block.
     widen : ndarray, shape (P,)
         Factors on the standard errors from the scatter of scores.
     whitening : Whitening
@@ -68,7 +74,10 @@ class FmuFit:
 
     unknowns: Unknowns
     values: Array
-    information: Array
+    S: Array
+    g: Array
+    block_costs: Array
+    block_log: NDArray[np.intp]
     widen: Array
     whitening: Whitening
     residuals: tuple[Array, ...]
@@ -80,11 +89,20 @@ class FmuFit:
         return self.unknowns.model(self.values)
 
     @property
-    def bic(self) -> float:
-        """Schwarz' criterion: ``-2 log L + k log n``."""
+    def information(self) -> Array:
+        """J'J of all logs, shape (P, P)."""
+        return np.asarray(self.S.sum(axis=0))
+
+    @property
+    def p(self) -> Array:
+        """The values, by the name that :class:`hovercontrol.estimation.fit.Fit` gives them."""
+        return self.values
+
+    @property
+    def cost(self) -> float:
+        """Twice the negative log likelihood, and ``log n`` for each coefficient of the autoregression."""
         n = sum(int(np.isfinite(r).sum()) for r in self.residuals)
-        k = len(self.values) + sum(self.whitening.orders)
-        return -2.0 * self.whitening.log_likelihood + k * math.log(n)
+        return float(self.block_costs.sum()) + sum(self.whitening.orders) * math.log(n)
 
     @property
     def rms(self) -> Array:
@@ -139,8 +157,27 @@ def refine(unknowns: Unknowns, values: Array, iterations: int) -> FmuFit:
         white.apply(s, np.isfinite(r)) for s, r in zip(unknowns.slopes(values, base), residuals, strict=True)
     ]
     w = [white.apply(r, np.isfinite(r)) for r in residuals]
-    S = np.sum([np.einsum("kci,kcj->ij", a, a) for a in J], axis=0)
-    return FmuFit(unknowns, values, S, _widening(J, w, S, white), white, tuple(residuals), converged)
+    parts = _blocks([len(a) for a in J])
+    S = np.array([np.einsum("kci,kcj->ij", J[k][rows], J[k][rows]) for k, rows in parts])
+    g = np.array([np.einsum("kci,kc->i", J[k][rows], w[k][rows]) for k, rows in parts])
+    # -2 log L of n_b residuals of each channel: sum of w^2 + n_b log det Sigma
+    channels = residuals[0].shape[1]
+    costs = [
+        float((w[k][rows] ** 2).sum()) + np.isfinite(residuals[k][rows]).sum() / channels * white.log_det
+        for k, rows in parts
+    ]
+    log = np.array([k for k, _ in parts], dtype=np.intp)
+    widen = _widening(S, g, white)
+    return FmuFit(unknowns, values, S, g, np.array(costs), log, widen, white, tuple(residuals), converged)
+
+
+def _blocks(lengths: Sequence[int]) -> list[tuple[int, NDArray[np.intp]]]:
+    """Return blocks of about equal length: the index of the log and the rows of each."""
+    found = []
+    for k, length in enumerate(lengths):
+        count = max(round(BLOCKS * length / sum(lengths)), 1)
+        found += [(k, rows) for rows in np.array_split(np.arange(length), count)]
+    return found
 
 
 def minimise(unknowns: Unknowns, values: Array, white: Whitening, most: int) -> tuple[Array, bool]:
@@ -251,27 +288,17 @@ def _normal(
     return g, S
 
 
-def _widening(J: Sequence[Array], w: Sequence[Array], S: Array, white: Whitening) -> Array:
+def _widening(S: Array, g: Array, white: Whitening) -> Array:
     """Return the factors by which scatter of the scores widens the standard errors.
 
     With g_b the score of one of B blocks: ``V = S^-1 (sum of g_b g_b') S^-1 B/(B - 1)``, the factor is
     ``sqrt(V_jj / (S^-1)_jj)`` where that exceeds what B blocks show by chance, else 1.
     """
-    P = len(S)
-    if not P or not any(white.orders):
+    B, P = g.shape
+    if not P or not any(white.orders) or B < 4:
         return np.ones(P)
-    total = sum(len(a) for a in J)
-    scores = []
-    for a, r in zip(J, w, strict=True):
-        count = max(round(BLOCKS * len(a) / total), 1)
-        for rows in np.array_split(np.arange(len(a)), count):
-            scores.append(np.einsum("kci,kc->i", a[rows], r[rows]))
-    B = len(scores)
-    if B < 4:
-        return np.ones(P)
-    C = np.linalg.pinv(S, rcond=1e-12, hermitian=True)
-    G = np.array(scores)
-    V = C @ (G.T @ G) @ C * B / (B - 1)
+    C = np.linalg.pinv(S.sum(axis=0), rcond=1e-12, hermitian=True)
+    V = C @ (g.T @ g) @ C * B / (B - 1)
     ratio = np.diag(V) / np.maximum(np.diag(C), 1e-300)
     most = float(chi2.ppf(CHANCE, B - 1)) / (B - 1)
     return np.asarray(np.sqrt(np.where(ratio > most, ratio, 1.0)))
