@@ -52,10 +52,14 @@ class Bank:
         Ticks since the start of each window, this one included.
     signature : list of list of list of sympy.Expr
         eta, by candidate, window and measurement.
-    columns, begun, Psi : list of sympy.Matrix
-        s of each candidate, s(tau) by window and candidate, and Psi of each window, before this tick.
-    A : sympy.Matrix, shape (n, n)
-        Error after this tick's measurements by the error before.
+    after, begun, Psi : list of sympy.Matrix
+        s of each candidate after this tick; s(tau) by window and candidate, and Psi of each window, before it.
+    pushes, jolts : list of sympy.Matrix
+        Change of s, and of the innovations divided by their standard deviations, by the tick itself, by
+        candidate: ``s <- M s + push``, ``eta = C s + jolt``.
+    A, M, C : sympy.Matrix, shape (n, n), (n, n) and (m, n)
+        Error after this tick's measurements, error before the next tick, and innovations divided by their
+        standard deviations, by the error before this tick.
     whitened : list of sympy.Expr
         e, by measurement.
     rows : list of sympy.Matrix, shape (m, n)
@@ -70,10 +74,14 @@ class Bank:
     information: list[list[sp.Expr]]
     age: list[sp.Expr]
     signature: list[list[list[sp.Expr]]]
-    columns: list[sp.Matrix]
+    after: list[sp.Matrix]
     begun: list[list[sp.Matrix]]
     Psi: list[sp.Matrix]
+    pushes: list[sp.Matrix]
+    jolts: list[sp.Matrix]
     A: sp.Matrix
+    M: sp.Matrix
+    C: sp.Matrix
     whitened: list[sp.Expr]
     rows: list[sp.Matrix]
     bound: list[sp.Expr]
@@ -164,20 +172,21 @@ def write_bank(
         pairs = [*at_alarm.get(w, []), (0, hold > sp.S.Half), (1, rest < sp.S.Half), (0, True)]
         moved.append(write.define(f"moved[{w}]", sp.Piecewise(*pairs, evaluate=False)))
 
-    columns, own, after = [], [], []
+    columns, own, after, pushes, jolts = [], [], [], [], []
     for j in range(J):
         s = sp.Matrix(
             [state(f"s[{j},{i}]", p.unit, f"error of {p.name} by candidate {j}") for i, p in enumerate(plant)]
         )
         columns.append(s)
-        eta = list(C * s)
-        then = M * s + forced[j]
+        push, jolt = forced[j], sp.zeros(m, 1)
         if any(b != 0 for b in bias[j]):
             shift, lost = through(write, f"bias_{j}", steps, sp.zeros(n, 1), bias[j])
-            eta = [e + root[i] * shift[i] for i, e in enumerate(eta)]
-            then = then + Phi * lost
-        own.append([write.define(f"eta[{j},{i}]", e) for i, e in enumerate(eta)])
-        new = write.matrix(f"s_next_{j}", then)
+            jolt = write.matrix(f"jolt_{j}", sp.Matrix([root[i] * e for i, e in enumerate(shift)]))
+            push = write.matrix(f"push_{j}", push + Phi * lost)
+        pushes.append(push)
+        jolts.append(jolt)
+        own.append([write.define(f"eta[{j},{i}]", e) for i, e in enumerate(C * s + jolt)])
+        new = write.matrix(f"s_next_{j}", M * s + push)
         after.append(new)
         following |= {f"s[{j},{i}]": new[i] for i in range(n)}
 
@@ -238,6 +247,6 @@ def write_bank(
     size = C.applyfunc(sp.Abs)
     bound = [sum((e**2 for e in size * s.applyfunc(sp.Abs)), sp.S.Zero) for s in columns]
     return Bank(
-        tuple(states), following, score, information, age, signature, columns, beginnings, transitions, A,
-        seen, rows, bound,
+        tuple(states), following, score, information, age, signature, after, beginnings, transitions, pushes,
+        jolts, A, M, C, seen, rows, bound,
     )  # fmt: skip

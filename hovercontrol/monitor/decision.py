@@ -8,7 +8,7 @@ within ``2 ln(1/error)`` of that: its likelihood is at least `error` times as la
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import sympy as sp
@@ -17,7 +17,8 @@ from hovercontrol.core.signals import Signal
 from hovercontrol.estimators.ins.kalman import Equations
 from hovercontrol.monitor.bank import Bank
 from hovercontrol.monitor.candidates import Candidate
-from hovercontrol.monitor.refined import Refined, refine
+from hovercontrol.monitor.refined import Refined, refine, within
+from hovercontrol.monitor.sized import Sized
 
 #: Likelihood ratio below which a rival is excluded.
 ERROR = 0.01
@@ -43,6 +44,16 @@ class Decision:
     refined: Refined
 
 
+def likelihood(b: sp.Expr, information: sp.Expr, lower: sp.Expr, upper: sp.Expr) -> sp.Expr:
+    """Return g, the largest ``2 b theta - I theta^2`` with theta between bounds."""
+    if lower.is_infinite and upper.is_infinite:
+        return b**2 / information
+    if lower == 0 and upper.is_infinite:
+        return sp.Max(0, b) ** 2 / information
+    theta = within(b / information, lower, upper)
+    return theta * (2 * b - information * theta)
+
+
 def decide(
     write: Equations,
     candidates: Sequence[Candidate],
@@ -50,12 +61,14 @@ def decide(
     plant: Sequence[Signal],
     after: sp.Matrix,
     floors: Sequence[Signal],
+    limits: Sequence[tuple[sp.Expr, sp.Expr]],
     threshold: sp.Expr,
     latched: sp.Expr,
     settled: sp.Expr,
     dead: Sequence[sp.Expr],
     channels: Sequence[Signal],
     period: sp.Expr,
+    sized: Mapping[int, Sized],
 ) -> Decision:
     """Write the decision.
 
@@ -65,20 +78,23 @@ def decide(
         States of the filter, and the covariance of its prediction at the next tick.
     floors : sequence of Signal
         J0 of each candidate.
+    limits : sequence of (sympy.Expr, sympy.Expr)
+        Bounds of each candidate's theta.
     latched : sympy.Expr
         1 if an alarm was raised before.
     settled : sympy.Expr
         1 once the tests have begun.
     dead : sequence of sympy.Expr
         1 for each dead sensor, of `channels`.
+    sized : mapping of int to Sized
+        Candidates that are not proportional to their coefficient, by number from 0.
     """
     every = []  # (g, candidate, window)
     largest = []
     for j, c in enumerate(candidates):
         mine = []
         for w, (b, info) in enumerate(zip(bank.score[j], bank.information[j], strict=True)):
-            score = sp.Max(0, c.sign * b) if c.sign else b
-            g = write.define(f"g[{w},{j}]", score**2 / (info + floors[j].symbol))
+            g = write.define(f"g[{w},{j}]", likelihood(b, info + floors[j].symbol, *limits[j]))
             mine.append(g)
             every.append((g, j, w))
         largest.append(write.define(f"evidence_{c.name}", sp.Max(*mine)))
@@ -119,7 +135,7 @@ def decide(
         sp.Piecewise(*sensors, (which, told), (sp.S.Zero, True), evaluate=False),
     )
     output(Signal("evidence", "1", "largest g; alarm above the threshold"), best)
-    refined = refine(write, bank, plant, which, alarm, b / sp.Max(info, 1e-300), best, after)
+    refined = refine(write, bank, plant, which, alarm, b / sp.Max(info, 1e-300), best, after, limits, sized)
     scale = sp.Piecewise(
         *((sp.Float(c.scale), which < j + 1.5) for j, c in enumerate(candidates[:-1])),
         (sp.Float(candidates[-1].scale), True),

@@ -27,17 +27,19 @@ from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.effects import Effect
 from hovercontrol.errors import InputError
-from hovercontrol.estimators.observed import plant_of
+from hovercontrol.estimators.observed import owned, plant_of
 from hovercontrol.estimators.propagation import steps_between
 from hovercontrol.io.tables import positive
 from hovercontrol.logs.log import Log
 from hovercontrol.models.interface import AnyModel, as_model
-from hovercontrol.monitor.candidates import candidates_of
+from hovercontrol.monitor.candidates import Candidate, candidates_of
 from hovercontrol.monitor.design import Design, estimation_model
 from hovercontrol.monitor.equations import monitor_block
 from hovercontrol.monitor.motion import Motion, motion_of
 from hovercontrol.monitor.threshold import Signatures, floors, signatures_of, threshold_for
 from hovercontrol.simulation.sampled import Ticking
+
+Array = NDArray[np.float64]
 
 #: Length of the shortest window [s]; the windows' lengths grow by factors of 2.
 SHORTEST = 0.25
@@ -173,12 +175,24 @@ def monitor(
         settle,
     )
     shown, floor = along_motion(design, path)
-    signs = np.array([c.sign for c in found])
-    threshold = threshold_for(shown, floor, signs, wanted * tick / 3600.0, rest=round(settle / tick))
+    lower, upper = bounds_of(plant, found, name)
+    rate, rest = wanted * tick / 3600.0, round(settle / tick)
+    threshold = threshold_for(shown, floor, lower, upper, rate, rest=rest)
     return monitor_block(design, threshold, list(floor))
 
 
-def along_motion(design: Design, path: Motion) -> tuple[Signatures, NDArray[np.float64]]:
+def bounds_of(plant: Block, found: Sequence[Candidate], name: str) -> tuple[Array, Array]:
+    """Return the bounds of each candidate's theta, at the start values of the coefficients."""
+    own = (*owned(plant, name).parameters, *(p for c in found for p in c.parameters))
+    start = {p.symbol: p.start for p in own}
+    lower, upper = (
+        np.array([float(e.subs(start)) for e in some])
+        for some in ([c.lower for c in found], [c.upper for c in found])
+    )
+    return np.minimum(lower, 0.0), np.maximum(upper, 0.0)
+
+
+def along_motion(design: Design, path: Motion) -> tuple[Signatures, Array]:
     """Return the signatures of the candidates along a motion, and J0 of each.
 
     Raises
@@ -200,7 +214,7 @@ def along_motion(design: Design, path: Motion) -> tuple[Signatures, NDArray[np.f
     return shown, floors(shown)
 
 
-def _signatures(design: Design, path: Motion) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _signatures(design: Design, path: Motion) -> tuple[Array, Array]:
     """Return the signatures along a motion after the filter has settled, and their bounds.
 
     Their shapes are (K, W, J, m) and (K, J).
