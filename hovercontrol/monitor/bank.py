@@ -60,8 +60,10 @@ class Bank:
         e, by measurement.
     rows : list of sympy.Matrix, shape (m, n)
         C Psi of each window.
-    bound : list of sympy.Expr
-        Square of the signature of each candidate if no terms cancelled: ``sum over i of (|C_i| |s|)^2``.
+    own : list of list of sympy.Expr
+        eta of each candidate since the start, by measurement.
+    C, M : sympy.Matrix, shape (m, n) and (n, n)
+        C, and Phi A.
     """
 
     states: tuple[Signal, ...]
@@ -76,7 +78,9 @@ class Bank:
     A: sp.Matrix
     whitened: list[sp.Expr]
     rows: list[sp.Matrix]
-    bound: list[sp.Expr]
+    own: list[list[sp.Expr]]
+    C: sp.Matrix
+    M: sp.Matrix
 
 
 def through(
@@ -235,9 +239,7 @@ def write_bank(
             earlier = taken[key.replace(f"[{w}", f"[{w - 1}", 1)] if w else taken[key]
             following[key] = sp.Piecewise((earlier, moved[w] > sp.S.Half), (value, True))
         before = values
-    size = C.applyfunc(sp.Abs)
-    bound = [sum((e**2 for e in size * s.applyfunc(sp.Abs)), sp.S.Zero) for s in columns]
     return Bank(
         tuple(states), following, score, information, age, signature, columns, beginnings, transitions, A,
-        seen, rows, bound,
+        seen, rows, own, C, M,
     )  # fmt: skip

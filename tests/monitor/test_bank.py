@@ -8,8 +8,11 @@ import hovercontrol as hc
 from hovercontrol.errors import InputError
 from hovercontrol.estimators.disturbance import disturbance_name
 from hovercontrol.monitor.candidates import candidates_of
-from hovercontrol.monitor.design import estimation_model
+from hovercontrol.monitor.design import Design, estimation_model
+from hovercontrol.monitor.equations import monitor_block
 from hovercontrol.monitor.monitor import named_effects
+from hovercontrol.monitor.motion import Motion
+from hovercontrol.monitor.signatures import along_motion
 from hovercontrol.monitor.threshold import false_alarm_rate, signatures_of
 from hovercontrol.simulation.sampled import Ticking
 
@@ -102,6 +105,18 @@ def test_scores_are_likelihood_ratios_written_out(block):
         b, J = brute(y, F, start)
         assert [last[f"b[{w},{j}]"] for j in range(2)] == pytest.approx(b, rel=1e-3, abs=1e-3)
         assert [last[f"J[{w},{j}]"] for j in range(2)] == pytest.approx(J, rel=1e-3, abs=1e-6)
+
+
+def test_signatures_along_a_noisy_motion_bring_the_information_of_the_tests():
+    """Noise along the motion raises no alarm that would hold the windows."""
+    known = estimation_model(cart(), ["p"], {"v": 0.1}, NOISE, {}, 1.0, {}, {}, "monitor", False)
+    found = candidates_of(hc.BlockModel(cart()), ["c", "p_bias"], ["p"], {}, "monitor")
+    design = Design(known, tuple(found), PERIOD, 1.0, False, 6, round(0.25 / PERIOD), 1)
+    y, F = data(n=151)
+    shown = along_motion(design, Motion(y[:, None], F[:, None], {}))
+    _, last = run(monitor_block(design, 1e9, [1.0, 1.0]), y, F)
+    told = [[last[f"J[{w},{j}]"] for j in range(2)] for w in range(6)]
+    assert shown.information[-1] == pytest.approx(np.array(told), rel=1e-9)
 
 
 def test_a_change_is_named_with_its_size(block):
