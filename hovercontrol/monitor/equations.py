@@ -85,7 +85,8 @@ def column_block(design: Design) -> Block:
     shown = Expressions((f"column[{k}]", e) for k, e in enumerate(every))
     no_shift = {f"shift[{i}]": sp.S.Zero for i in range(len(design.model.plant.states))}
     quiet = block.unchecked(definitions=Expressions({**block.definitions, **no_shift}))
-    states, wanted, before = (), every, -1
+    states: tuple[Signal, ...] = ()
+    wanted, before = every, -1
     while len(states) > before:  # states on which the outputs depend
         before = len(states)
         used = [*wanted, *(quiet.definitions[name] for name in needed_definitions(quiet, wanted))]
