@@ -52,8 +52,10 @@ class Bank:
         Ticks since the start of each window, this one included.
     signature : list of list of list of sympy.Expr
         eta, by candidate, window and measurement.
-    after, begun, Psi : list of sympy.Matrix
-        s of each candidate after this tick; s(tau) by window and candidate, and Psi of each window, before it.
+    columns, after : list of sympy.Matrix
+        s of each candidate, before and after this tick.
+    begun, Psi : list of sympy.Matrix
+        s(tau) by window and candidate, and Psi of each window, before this tick.
     pushes, jolts : list of sympy.Matrix
         Change of s, and of the innovations divided by their standard deviations, by the tick itself, by
         candidate: ``s <- M s + push``, ``eta = C s + jolt``.
@@ -64,8 +66,8 @@ class Bank:
         e, by measurement.
     rows : list of sympy.Matrix, shape (m, n)
         C Psi of each window.
-    bound : list of sympy.Expr
-        Square of the signature of each candidate if no terms cancelled: ``sum over i of (|C_i| |s|)^2``.
+    own : list of list of sympy.Expr
+        eta of each candidate since the start, by measurement.
     """
 
     states: tuple[Signal, ...]
@@ -74,6 +76,7 @@ class Bank:
     information: list[list[sp.Expr]]
     age: list[sp.Expr]
     signature: list[list[list[sp.Expr]]]
+    columns: list[sp.Matrix]
     after: list[sp.Matrix]
     begun: list[list[sp.Matrix]]
     Psi: list[sp.Matrix]
@@ -84,7 +87,7 @@ class Bank:
     C: sp.Matrix
     whitened: list[sp.Expr]
     rows: list[sp.Matrix]
-    bound: list[sp.Expr]
+    own: list[list[sp.Expr]]
 
 
 def through(
@@ -244,9 +247,7 @@ def write_bank(
             earlier = taken[key.replace(f"[{w}", f"[{w - 1}", 1)] if w else taken[key]
             following[key] = sp.Piecewise((earlier, moved[w] > sp.S.Half), (value, True))
         before = values
-    size = C.applyfunc(sp.Abs)
-    bound = [sum((e**2 for e in size * s.applyfunc(sp.Abs)), sp.S.Zero) for s in columns]
     return Bank(
-        tuple(states), following, score, information, age, signature, after, beginnings, transitions, pushes,
-        jolts, A, M, C, seen, rows, bound,
+        tuple(states), following, score, information, age, signature, columns, after, beginnings, transitions,
+        pushes, jolts, A, M, C, seen, rows, own,
     )  # fmt: skip

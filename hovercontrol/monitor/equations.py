@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import sympy as sp
 
 from hovercontrol.core.block import Block
 from hovercontrol.core.delay_line import fixed
+from hovercontrol.core.derivatives import needed_definitions
+from hovercontrol.core.expressions import Expressions
 from hovercontrol.core.signals import Signal, time
 from hovercontrol.estimators.filter_equations import corrections, estimate_of, filter_states
 from hovercontrol.estimators.ins.kalman import Equations, Estimate
@@ -62,9 +64,7 @@ def _constants(design: Design, threshold: float, floors: Sequence[float]) -> _Co
     )
 
 
-def monitor_block(
-    design: Design, threshold: float, floors: Sequence[float], *, signatures: bool = False
-) -> Block:
+def monitor_block(design: Design, threshold: float, floors: Sequence[float]) -> Block:
     """Return the Block of a monitor.
 
     Parameters
@@ -72,10 +72,38 @@ def monitor_block(
     threshold : float
     floors : sequence of float
         J0 of each candidate.
-    signatures : bool, optional
-        Whether its outputs are instead the signatures ``eta[w,j,i]``, by candidate, window and measurement,
-        and their bounds by candidate: for the computation of the threshold.
     """
+    return _assembled(design, threshold, floors)[0]
+
+
+def column_block(design: Design) -> Block:
+    """Return the part of a monitor without an alarm that gives what the signatures follow from.
+
+    Its outputs are the entries of eta of the candidates, shape (J, m), of the columns s, (J, n), of C,
+    (m, n), and of M = Phi A, (n, n), row by row: see :mod:`hovercontrol.monitor.bank`.
+    """
+    block, bank = _assembled(replace(design, windows=1), 1.0, [1.0] * len(design.candidates))
+    every = [*(e for row in bank.own for e in row), *(e for s in bank.columns for e in s), *bank.C, *bank.M]
+    shown = Expressions((f"column[{k}]", e) for k, e in enumerate(every))
+    no_shift = {f"shift[{i}]": sp.S.Zero for i in range(len(design.model.plant.states))}
+    quiet = block.unchecked(definitions=Expressions({**block.definitions, **no_shift}))
+    states: tuple[Signal, ...] = ()
+    wanted, before = every, -1
+    while len(states) > before:  # states on which the outputs depend
+        before = len(states)
+        used = [*wanted, *(quiet.definitions[name] for name in needed_definitions(quiet, wanted))]
+        symbols = set().union(*(e.free_symbols for e in used))
+        states = tuple(s for s in block.states if s.symbol in symbols)
+        wanted = [*every, *(block.derivatives[s.name] for s in states)]
+    return quiet.unchecked(
+        states=states,
+        derivatives=Expressions((s.name, block.derivatives[s.name]) for s in states),
+        outputs=tuple(Signal(name) for name in shown),
+        output_expressions=shown,
+    )
+
+
+def _assembled(design: Design, threshold: float, floors: Sequence[float]) -> tuple[Block, Bank]:
     model, write, own = design.model, Equations(), _constants(design, threshold, floors)
     plant = model.plant.states
     n, step, settle = len(plant), own.period.symbol, own.settle.symbol
@@ -115,18 +143,18 @@ def monitor_block(
     tests = (LATCHED, *bank.states, *decision.refined.states)
     following = _following(states, tests, then, own, bank, decision, settled, elapsed)
     following |= sensors.next_values | memory.next_values | at.next_values
-    outputs, shown = _signature_outputs(bank) if signatures else (decision.outputs, decision.values)
-    return Block(
+    block = Block(
         model.name,
         states=(*states, RUNNING, *sensors.states, *memory.states, *at.states, *tests),
         inputs=(*model.inputs, RESET),
-        outputs=outputs,
+        outputs=decision.outputs,
         parameters=(*own.every, *model.parameters, *(p for c in design.candidates for p in c.parameters)),
         derivatives=following,
-        output_expressions=shown,
+        output_expressions=decision.values,
         definitions=write.definitions,
         period=design.period,
     )
+    return block, bank
 
 
 def bounds_of(c: Candidate, memory: Memory) -> tuple[sp.Expr, sp.Expr]:
@@ -200,17 +228,6 @@ def _following(
         begins = sp.Or(restart, settled < sp.S.Half)
         following[s.name] = sp.Piecewise((sp.Integer(round(s.start)), begins), (values[s.name], True))
     return following
-
-
-def _signature_outputs(bank: Bank) -> tuple[tuple[Signal, ...], dict[str, sp.Expr]]:
-    shown = {
-        f"signature[{w},{j},{i}]": e
-        for j, mine in enumerate(bank.signature)
-        for w, etas in enumerate(mine)
-        for i, e in enumerate(etas)
-    }
-    shown |= {f"bound[{j}]": e for j, e in enumerate(bank.bound)}
-    return tuple(Signal(key, "1", "signature") for key in shown), shown
 
 
 def _over_the_tick(write: Equations, steps: Sequence[Prediction]) -> tuple[sp.Matrix, dict[int, sp.Matrix]]:

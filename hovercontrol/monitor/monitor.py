@@ -26,7 +26,6 @@ from numpy.typing import NDArray
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.effects import Effect
-from hovercontrol.errors import InputError
 from hovercontrol.estimators.observed import owned, plant_of
 from hovercontrol.estimators.propagation import steps_between
 from hovercontrol.io.tables import positive
@@ -35,18 +34,14 @@ from hovercontrol.models.interface import AnyModel, as_model
 from hovercontrol.monitor.candidates import Candidate, candidates_of
 from hovercontrol.monitor.design import Design, estimation_model
 from hovercontrol.monitor.equations import monitor_block
-from hovercontrol.monitor.motion import Motion, motion_of
-from hovercontrol.monitor.threshold import Signatures, floors, signatures_of, threshold_for
-from hovercontrol.simulation.sampled import Ticking
+from hovercontrol.monitor.motion import motion_of
+from hovercontrol.monitor.signatures import along_motion
+from hovercontrol.monitor.threshold import floors, threshold_for
 
 Array = NDArray[np.float64]
 
 #: Length of the shortest window [s]; the windows' lengths grow by factors of 2.
 SHORTEST = 0.25
-
-#: Part of its bound below which the square of a signature is rounding: the terms of an effect that the
-#: measured channels never show cancel up to 1e-32.
-CANCELLED = 1e-20
 
 #: Number of windows: the longest is 63 times as long as the shortest.
 WINDOWS = 6
@@ -174,7 +169,8 @@ def monitor(
         steps,
         settle,
     )
-    shown, floor = along_motion(design, path)
+    shown = along_motion(design, path)
+    floor = floors(shown)
     lower, upper = bounds_of(plant, found, name)
     rate, rest = wanted * tick / 3600.0, round(settle / tick)
     threshold = threshold_for(shown, floor, lower, upper, rate, rest=rest)
@@ -190,51 +186,6 @@ def bounds_of(plant: Block, found: Sequence[Candidate], name: str) -> tuple[Arra
         for some in ([c.lower for c in found], [c.upper for c in found])
     )
     return np.minimum(lower, 0.0), np.maximum(upper, 0.0)
-
-
-def along_motion(design: Design, path: Motion) -> tuple[Signatures, Array]:
-    """Return the signatures of the candidates along a motion, and J0 of each.
-
-    Raises
-    ------
-    InputError
-        If a candidate never shows along the motion.
-    """
-    eta, bound = _signatures(design, path)
-    shown = signatures_of(eta, design.first)
-    measured = ", ".join(s.name for s in design.model.measured)
-    for c, square, most in zip(
-        design.candidates, (eta**2).sum(axis=(0, 1, 3)), bound.sum(axis=0), strict=True
-    ):
-        if square <= CANCELLED * most:
-            raise InputError(
-                f"{design.model.name}: candidate {c.name!r}: the measured channels {measured} never show it "
-                "along the motion"
-            )
-    return shown, floors(shown)
-
-
-def _signatures(design: Design, path: Motion) -> tuple[Array, Array]:
-    """Return the signatures along a motion after the filter has settled, and their bounds.
-
-    Their shapes are (K, W, J, m) and (K, J).
-    """
-    block = monitor_block(design, 1.0, [1.0] * len(design.candidates), signatures=True)
-    run, names = Ticking(block), [s.name for s in (*design.model.measured, *design.model.plant.inputs)]
-    others = {s.name: s.start for s in block.inputs if s.name not in names}
-    rows = []
-    for k, row in enumerate(np.hstack([path.measured, path.inputs])):
-        rows.append(
-            list(
-                run.tick(
-                    k * design.period, {**others, **dict(zip(names, row.tolist(), strict=True))}
-                ).values()
-            )
-        )
-    J = len(design.candidates)
-    settled = np.array(rows[min(round(design.settle / design.period), len(rows) // 2) :])
-    shape = (-1, J, design.windows, len(design.model.measured))
-    return settled[:, :-J].reshape(shape).swapaxes(1, 2), settled[:, -J:]
 
 
 def named_effects(block: Block) -> list[str]:

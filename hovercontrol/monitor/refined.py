@@ -7,8 +7,8 @@ eta_i the signature since that tick, the innovations divided by their standard d
 
     e_i = C_i Psi d0 + theta eta_i + n_i,   n_i ~ N(0, 1).
 
-A candidate that is not proportional to its coefficient q (a lag, a dead zone) is linearised at the estimate of
-each tick instead of between zero and the trial value. Its change of the state over the tick is
+A candidate that is not proportional to its coefficient q (a lag, a dead zone) is linearised at the estimate
+of each tick instead of between zero and the trial value. Its change of the state over the tick is
 ``g(q) = g(q_k) + g'(q_k) (q - q_k)``: eta_i follows from g', and the part that is left, ``g(q_k) - g' q_k``,
 adds a known offset o to the error, ``o <- M o + g(q_k) - g' q_k``:
 

@@ -1,8 +1,8 @@
 r"""Candidates that are not proportional to their coefficient, at the estimate of the named change.
 
-A candidate changes the derivatives by ``a(x, q)``, with its own states ``x' = f(x, q)`` and its coefficient q,
-which is theta times its trial value. While the candidate is named, q follows the estimate; before, it has its
-trial value. The slope da/dq includes that of the states, S = dx/dq:
+A candidate changes the derivatives by ``a(x, q)``, with its own states ``x' = f(x, q)`` and its coefficient
+q, which is theta times its trial value. While the candidate is named, q follows the estimate; before, it has
+its trial value. The slope da/dq includes that of the states, S = dx/dq:
 
     S <- Phi_x S + Phi_q,    da/dq = a_x S + a_q,
 
