@@ -140,6 +140,7 @@ def test_the_saved_model_has_the_effects_that_were_named(diagnosed, amended):
         assert block.delays["thrust"].name == "plant.input_delay_seconds"
 
 
+@pytest.mark.slow("thrust_lag")
 def test_the_simulations_of_the_report_are_those_of_the_saved_model(diagnosed, amended, windows):
     case, found = diagnosed
     measured = figures_in_the_log(amended[0], case.holdout, windows)
@@ -151,6 +152,7 @@ def test_the_simulations_of_the_report_are_those_of_the_saved_model(diagnosed, a
     np.testing.assert_allclose(measured, list(NOISE.values()), rtol=0.15)
 
 
+@pytest.mark.slow("thrust_lag")
 @pytest.mark.parametrize("backend", [by_fmpy, by_python_control])
 def test_every_backend_gives_the_same_figures(backend, diagnosed, amended, windows):
     log = diagnosed[0].holdout

@@ -84,6 +84,7 @@ def test_a_delay_promises_what_it_gains_whole():
     assert found.gain == pytest.approx(whole.gain * (2.0 * part - 1.0) / part**2)
 
 
+@pytest.mark.slow
 def test_a_jump_is_where_it_scores_best():
     case = make(18, ["parameter_jump"])
     fit = fitted(case)

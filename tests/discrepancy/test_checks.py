@@ -101,6 +101,7 @@ def test_a_bad_log_is_refused_in_one_line(log, said):
     assert said in str(error.value) and "\n" not in str(error.value)
 
 
+@pytest.mark.slow("1000", "rudder-")
 @pytest.mark.parametrize(
     ("column", "factor", "said"),
     [
@@ -117,6 +118,7 @@ def test_commands_in_other_units_or_of_the_other_sign_are_refused(column, factor
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.slow("[0.01]")
 @pytest.mark.parametrize("given", [0.01, -0.01])
 def test_a_small_effect_of_the_model_may_be_far_off(given):
     case = make(1, ["thrust_yaw_torque"], Conditions(duration=24.0))
@@ -151,6 +153,7 @@ def whirl(time):
     return {"thrust": np.full(time.size, 6.0), "rudder": np.where(time % 8.0 < 5.0, 0.6, -0.6)}
 
 
+@pytest.mark.slow
 def test_a_model_that_predicts_nothing_is_said_to():
     other = make(2, [], Conditions(duration=24.0)).logs
     logs = [

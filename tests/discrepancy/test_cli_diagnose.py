@@ -1,7 +1,6 @@
 """``hovercontrol diagnose`` as a user meets it."""
 
 import json
-import subprocess
 import sys
 
 import numpy as np
@@ -12,8 +11,6 @@ from hovercontrol.logs import Log
 from hovercontrol.models.modelfile import load_model, save_model
 
 from .generator import Conditions, make
-
-RUN = [sys.executable, "-m", "hovercontrol.cli", "diagnose"]
 
 
 @pytest.fixture(scope="module")
@@ -49,15 +46,9 @@ def test_every_hold_out_is_read(folder, tmp_path, monkeypatch, capsys):
     assert "a.csv is given twice" in fails([*words, *twice], monkeypatch, capsys, tmp_path)
 
 
-def test_a_missing_slope_is_found_named_added_and_shown(folder, tmp_path):
+def test_a_missing_slope_is_found_named_added_and_shown(call, folder, tmp_path):
     args = [str(folder / "a.csv"), "--holdout", str(folder / "c.csv"), "--model", str(folder / "craft.toml")]
-    done = subprocess.run(
-        [*RUN, *args, "--effects", "slope,gyro_bias", "--out", "out"],
-        capture_output=True,
-        text=True,
-        cwd=tmp_path,
-        timeout=120,
-    )
+    done = call("diagnose", *args, "--effects", "slope,gyro_bias", "--out", "out", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     missing, gap, remains, wrote = done.stdout.splitlines()
     assert missing.startswith("Missing: slope, x ")

@@ -15,7 +15,7 @@ def named(found):
     return sorted({e.effect for e in found.effects})
 
 
-@pytest.mark.slow("quadratic", "stribeck", "lag", "rudder_offset", "munk", "saturation", "gyro_scale")
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "names",
     [
@@ -84,7 +84,7 @@ def test_measurements_ahead_of_the_commands_are_a_clock():
     assert found.effects[0].value == pytest.approx(seconds, abs=2e-3)
 
 
-@pytest.mark.slow("oscillator")
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["oscillator", "patch"])
 def test_what_no_effect_says_is_not_named(kind):
     case = outside(1, kind, Conditions(duration=40.0))
@@ -122,6 +122,7 @@ def test_in_gusts_what_is_far_from_linear_is_found_by_a_fit():
     assert (found.verdict, named(found)) == ("partial", ["yaw_stribeck"])
 
 
+@pytest.mark.slow
 def test_a_drag_held_by_its_bound_hides_no_other():
     case = make(22, ["yaw_stribeck"], Conditions(duration=30.0, logs=1, channels=("u", "v", "r")))
     found = diagnose(case.model, case.logs, case.holdout)  # fitted without it, the linear drag in yaw is zero

@@ -28,7 +28,7 @@ needs_zig = pytest.mark.skipif(
 
 
 def built(name, platform, version=3):
-    interface = Interface(BLOCKS[name])
+    interface = Interface(BLOCKS[name], "events")  # as test_platforms.py exports it: built once for both
     return build_binary(
         interface.identifier, fmu_sources(interface, version, 1e-6, 1e-9), PLATFORMS[platform]
     )

@@ -136,7 +136,7 @@ class Page(HTMLParser):
         self.text += data
 
 
-@pytest.mark.slow("loop")
+@pytest.mark.slow("loop", "estimator")
 @pytest.mark.parametrize("name", BLOCKS)
 def test_the_documentation_stands_alone_and_names_every_variable(name):
     html = read(exported(name, 3), "documentation/index.html").decode()
@@ -165,6 +165,7 @@ def columns(text):
     return rows[0], np.array(rows[1:], dtype=float)
 
 
+@pytest.mark.slow("loop")
 @pytest.mark.parametrize("version", [2, 3])
 @pytest.mark.parametrize("name", ["plant", "reference", "loop", "four_fan"])
 def test_another_tool_reproduces_the_reference_trajectory(name, version):

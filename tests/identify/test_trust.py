@@ -1,9 +1,6 @@
 """Coefficients of an incomplete model: other readings, and the interval that covers them."""
 
-import os
 import shlex
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -105,16 +102,13 @@ def test_a_kept_width_of_friction_that_is_off_is_named():
         assert abs(f.value - truth[f.name]) < 3.0 * f.std
 
 
-def test_the_next_command_is_printed_with_the_options_that_were_given(tmp_path):
+def test_the_next_command_is_printed_with_the_options_that_were_given(call, tmp_path):
     log = drive(0.3, np.random.default_rng(1), rows=800)
     columns = {"t": log.time, "speed": log["speed"], "steer": log["steer"], "yaw": log["heading"]}
     rows = np.column_stack(list(columns.values()))
     np.savetxt(tmp_path / "a b.csv", rows, delimiter=",", header=",".join(columns), comments="")
     (tmp_path / "car.py").write_text("from tests.identify.test_trust import car\nCAR = car()\n")
     words = ["a b.csv", "--model", "car.py:CAR", "--columns", "time=t,heading=yaw"]
-    done = subprocess.run(
-        [sys.executable, "-m", "hovercontrol", "identify", *words, "--out", "out"],
-        cwd=tmp_path, capture_output=True, text=True, env={**os.environ, "PYTHONPATH": os.getcwd()},
-    )  # fmt: skip
+    done = call("identify", *words, "--out", "out", cwd=tmp_path)
     assert done.returncode == 1, done.stderr
     assert f"hovercontrol diagnose {shlex.join(words)}" in done.stdout

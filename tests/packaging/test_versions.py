@@ -30,3 +30,25 @@ def test_without_the_oldest_python_nothing_is_installed(monkeypatch):
     monkeypatch.setattr(versions, "pythons", lambda: {(3, 13): "python3.13"})
     with pytest.raises(SystemExit, match=r"expected Python 3\.11, found 3\.13"):
         versions.chosen("oldest")
+
+
+def test_an_environment_that_was_prepared_is_taken_once(tmp_path, monkeypatch):
+    made, called = [], []
+    monkeypatch.setattr(versions, "chosen", lambda which: ((3, 13), "python3.13"))
+    monkeypatch.setattr(
+        versions, "environment", lambda *given: (given[2].mkdir(exist_ok=True), made.append(given))
+    )
+
+    def run(words, **options):
+        called.append([str(word) for word in words])
+        return subprocess.CompletedProcess(words, 0)
+
+    monkeypatch.setattr(subprocess, "run", run)
+    folder = tmp_path / "newest"
+    for words, environments in ((["--prepare"], 1), ([], 1), ([], 2)):
+        monkeypatch.setattr(sys, "argv", ["versions", "newest", "--folder", str(folder), *words])
+        assert versions.main() == 0
+        assert len(made) == environments
+    assert made[0] == ("newest", "python3.13", folder)
+    assert [words[2] for words in called] == ["pip", "pytest"] * 2
+    assert called[1][0] == str(folder / "bin" / "python")

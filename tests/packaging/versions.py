@@ -1,7 +1,8 @@
 """Run the quick tests with other versions: ``make oldest``, ``make newest``.
 
 ``oldest`` installs the oldest versions that pyproject.toml allows, on the oldest Python; ``newest`` the
-newest of every dependency, on the newest Python of this machine. Options unknown here go to pytest.
+newest of every dependency, on the newest Python of this machine. Options unknown here go to pytest. With
+``--prepare`` only the environment is made, which the next run takes.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 PROJECT = Path(__file__).parents[2]
+PREPARED = "prepared"
 
 #: Says which Python this is, if it is a release that can make a virtual environment.
 ASK = """
@@ -88,18 +90,33 @@ def environment(which: str, python: str, folder: Path) -> Path:
         pinned.write_text("\n".join(lower_bounds("test")) + "\n", encoding="utf-8")
         install += ["-c", pinned]
     subprocess.run([*install, "-e", f"{PROJECT}[test]"], check=True)
-    subprocess.run([own, "-m", "pip", "list", "--disable-pip-version-check", "--format=freeze"], check=True)
     return own
+
+
+def prepared(folder: Path) -> Path | None:
+    """Return the Python of an environment that ``--prepare`` made; it is taken once, as versions grow old."""
+    mark = folder / PREPARED
+    if not mark.exists():
+        return None
+    mark.unlink()
+    return folder / "bin" / "python"
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description="Run the quick tests with other versions.")
     parser.add_argument("which", choices=("oldest", "newest"))
     parser.add_argument("--folder", type=Path, help="of the environment (default: out/WHICH)")
+    parser.add_argument("--prepare", action="store_true", help="only make the environment for the next run")
     given, passed = parser.parse_known_args()
     version, python = chosen(given.which)
+    folder = given.folder or PROJECT / "out" / given.which
+    if given.prepare:
+        environment(given.which, python, folder)
+        (folder / PREPARED).touch()
+        return 0
     print(f"{given.which}: Python {version[0]}.{version[1]}, {python}", flush=True)
-    own = environment(given.which, python, given.folder or PROJECT / "out" / given.which)
+    own = prepared(folder) or environment(given.which, python, folder)
+    subprocess.run([own, "-m", "pip", "list", "--disable-pip-version-check", "--format=freeze"], check=True)
     settings = dict(os.environ)
     if version >= (3, 12):
         settings.setdefault("COVERAGE_CORE", "sysmon")  # watching which lines run then costs little

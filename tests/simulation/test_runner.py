@@ -80,13 +80,6 @@ GROWTH = Block(
 BLOCKS = {"hybrid": HYBRID, "late": LATE_HYBRID, "pulse": PULSE, "craft": CRAFT, "sampled": brake()}
 
 
-@pytest.fixture(scope="module", autouse=True)
-def _own_cache(tmp_path_factory):
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("HOVERCONTROL_CACHE", str(tmp_path_factory.mktemp("cache")))
-        yield
-
-
 def start(block, engine, **options):
     return (block.compile(friction="smooth") if engine == "native" else block).start(**options)
 

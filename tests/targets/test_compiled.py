@@ -56,13 +56,6 @@ def test_a_single_step_takes_whole_numbers_for_times():
     assert DECAY.compile().advance(0, 1, [1.0]) == pytest.approx([np.exp(-2.0)], rel=1e-5)
 
 
-@pytest.fixture(scope="module", autouse=True)
-def _own_cache(tmp_path_factory):
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("HOVERCONTROL_CACHE", str(tmp_path_factory.mktemp("cache")))
-        yield
-
-
 @pytest.fixture
 def no_compiler(monkeypatch):
     monkeypatch.setenv("CC", "/nowhere/cc")

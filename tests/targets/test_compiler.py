@@ -81,7 +81,8 @@ def test_a_damaged_library_is_rebuilt_and_not_loaded(cache, damage):
 
 
 @needs_cc
-def test_a_warm_start_generates_nothing_unless_the_generator_changed(cache, monkeypatch):
+def test_a_warm_start_generates_nothing_unless_the_generator_changed(cache, cold, monkeypatch):
+    cold(cache.parent)
     v, k = Signal("v", start=1.0), Signal("k", "1/s", start=2.0)
     two = Block("two", [v], [], [v], [k], {"v": -k.symbol * v.symbol})
     made = []
@@ -171,7 +172,10 @@ def test_a_compiler_that_joins_no_objects_compiles_all_at_once(cache, tmp_path, 
         ("hc_numbers.h", "fabs(value) <= DBL_MAX", "fabs(value) < 0.0"),
     ],
 )
-def test_a_changed_file_of_the_runtime_makes_a_new_library(cache, monkeypatch, tmp_path, name, part, changed):
+def test_a_changed_file_of_the_runtime_makes_a_new_library(
+    cache, cold, monkeypatch, tmp_path, name, part, changed
+):
+    cold(cache.parent)
     v, k = Signal("v", start=1.0), Signal("k", "1/s", start=2.0)
     two = Block("two", [v], [], [v], [k], {"v": -k.symbol * v.symbol})
 

@@ -25,13 +25,6 @@ GRID = np.linspace(0.0, 6.0, 61)
 STEP = 2e-3
 
 
-@pytest.fixture(scope="module", autouse=True)
-def _own_cache(tmp_path_factory):
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("HOVERCONTROL_CACHE", str(tmp_path_factory.mktemp("cache")))
-        yield
-
-
 def loop():
     controller = tracking_controller(SCENARIO.belief, control_point=0.2, k1=2.0, k2=2.0)
     return interconnect([PARTS["plant"], controller, PARTS["reference"]], "loop")

@@ -23,8 +23,9 @@ TIGHT = {"solve_ivp_kwargs": {"rtol": 1e-9, "atol": 1e-12}}
 
 
 @pytest.fixture(autouse=True)
-def fresh(tmp_path, monkeypatch):
-    """An empty cache of libraries, and Blocks that have not been evaluated before."""
+def fresh(cold, tmp_path, monkeypatch):
+    """A cache without a library, and Blocks that have not been evaluated before."""
+    cold(tmp_path)
     monkeypatch.setenv("HOVERCONTROL_CACHE", str(tmp_path))
     points.points.cache_clear()
     yield

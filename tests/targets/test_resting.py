@@ -21,13 +21,6 @@ GRID = np.linspace(0.0, 5.0, 51)
 TIGHT = {"rtol": 1e-9, "atol": 1e-12}
 
 
-@pytest.fixture(scope="module", autouse=True)
-def _own_cache(tmp_path_factory):
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("HOVERCONTROL_CACHE", str(tmp_path_factory.mktemp("cache")))
-        yield
-
-
 def block(derivatives, parameters=(), starts=None, **more):
     starts = starts or {}
     states = [Signal(name, start=starts.get(name, 0.0)) for name in derivatives]

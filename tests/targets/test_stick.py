@@ -20,12 +20,10 @@ START = {"plant.x": 0.2, "plant.y": 2.5, "plant.psi": np.pi, "plant.u": 0.0, "pl
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory):
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("HOVERCONTROL_CACHE", str(tmp_path_factory.mktemp("cache")))
-        yield lambda friction, widths, rtol: compile_block(LOOP, friction=friction).simulate(
-            GRID, x0=START, params=SLOW | widths, rtol=rtol, atol=1e-3 * rtol
-        )
+def run():
+    return lambda friction, widths, rtol: compile_block(LOOP, friction=friction).simulate(
+        GRID, x0=START, params=SLOW | widths, rtol=rtol, atol=1e-3 * rtol
+    )
 
 
 @pytest.fixture(scope="module")
