@@ -136,7 +136,7 @@ def false_alarm_rate(
     rng = np.random.default_rng(seed)
     info = found.information[begin:end]
     # scores above `most[0]` and below `-most[1]` exceed the threshold
-    most = [least_score(threshold, found.information + floor, bound) for bound in (upper, -lower)]
+    most = [least_score(threshold, found.information + floor, bound) for bound in (upper, np.abs(lower))]
     with np.errstate(divide="ignore"):
         limit = np.stack([side[begin:end] / np.sqrt(info) for side in most])
     tails = ndtr(-limit)
