@@ -32,7 +32,7 @@ from hovercontrol.monitor.sized import Sized
 ERROR = 0.01
 
 #: Error of the linear response to a change, as a part of it. Measured: see `benchmarks/monitor.py`.
-CURVATURE = 0.63
+CURVATURE = 0.45
 
 
 @dataclass(frozen=True)
