@@ -1,9 +1,9 @@
 r"""Candidates that are not proportional to their coefficient, at the estimate of the named change.
 
 A candidate changes the derivatives by ``a(x, q)``, with its own states ``x' = f(x, q)`` and its coefficient
-q. Before it is named, q has its trial value. Then q is the trial value times ``(theta + V)/(1 + V)``, the mean
-of the estimate theta, of variance V, and of 1, of variance 1: a first estimate that says little does not move
-q. The slope da/dq includes that of the states, S = dx/dq:
+q. Before it is named, q has its trial value. Then q is the trial value times ``(theta + V)/(1 + V)``, the
+mean of the estimate theta, of variance V, and of 1, of variance 1: a first estimate that says little does not
+move q. The slope da/dq includes that of the states, S = dx/dq:
 
     S <- Phi_x S + Phi_q,    da/dq = a_x S + a_q,
 
