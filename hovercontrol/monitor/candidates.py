@@ -26,6 +26,9 @@ from hovercontrol.models.model import Model
 
 Craft = Model | BlockModel
 
+#: Key of the sampling period among the sizes; no signal has it as its name.
+STEP = "sampling period"
+
 
 @dataclass(frozen=True)
 class Candidate:
@@ -90,6 +93,7 @@ def candidates_of(
     measured: Sequence[str],
     sizes: Mapping[str, float],
     name: str,
+    period: float,
 ) -> list[Candidate]:
     """Return the candidates of a monitor, in the given order.
 
@@ -101,6 +105,8 @@ def candidates_of(
         Typical size of each input and state along the motion, by name.
     name : str
         Of the monitor.
+    period : float
+        Of its samples [s].
 
     Raises
     ------
@@ -113,7 +119,7 @@ def candidates_of(
         wanted = [*model.linear_coefficients(), *(f"{channel}_bias" for channel in measured)]
     found: list[Candidate] = []
     for one in wanted:
-        found += _made(model, plant, one, measured, sizes, name)
+        found += _made(model, plant, one, measured, {**sizes, STEP: period}, name)
     names = [c.name for c in found]
     if not names:
         raise InputError(f"{name}: candidates: expected at least one")
@@ -165,6 +171,8 @@ def _trial(cls: type[Effect], model: Craft, sizes: Mapping[str, float]) -> Effec
                 scale = max((sizes[n] for n in model.input_units() if n in sizes), default=1.0)
             elif number.of == "speed":
                 scale = sizes.get(cls.axis, 1.0)
+            elif number.of == "step":
+                scale = sizes[STEP]
             values[key] = number.search[len(number.search) // 2] * scale
         elif math.isfinite(number.neutral):
             values[key] = number.neutral + 1.0

@@ -127,10 +127,9 @@ def _assembled(design: Design, threshold: float, floors: Sequence[float]) -> tup
         raised=sp.Symbol("raised", real=True), best_window=sp.Symbol("best_window", real=True),
     )  # fmt: skip
     # after an alarm, the named candidate is linearised at its estimate
-    at = AtTheEstimate(
-        write, memory, drive, design.period,
-        *(sp.Symbol(key, real=True) for key in ("named", f"z[{n}]", "named_next", "theta")),
-    )  # fmt: skip
+    keys = ("named", f"z[{n}]", f"V[{n},{n}]"), ("named_next", "theta", "theta_variance")
+    at_now, at_then = (tuple(sp.Symbol(key, real=True) for key in some) for some in keys)
+    at = AtTheEstimate(write, memory, drive, design.period, at_now, at_then)
     sized = {j: at.write(c, j, [s.name for s in plant]) for j, c in enumerate(design.candidates) if c.curved}
     limits = [bounds_of(c, memory) for c in design.candidates]
     decision = decide(

@@ -157,7 +157,7 @@ def monitor(
     )  # fmt: skip
     steps = steps_between(plant, tick, name, substeps)
     path = motion_of(plant, measured, tick, motion, name)
-    found = candidates_of(craft, candidates, measured, path.sizes, name)
+    found = candidates_of(craft, candidates, measured, path.sizes, name, tick)
     design = Design(
         known,
         tuple(found),

@@ -20,6 +20,7 @@ Recursive least squares estimate z = (d0, theta) with the row r = (C_i Psi, eta_
 
 They start from the estimate theta of the best window, with the standard deviation abs(theta), and from d0 = 0
 with the covariance g P: the evidence g at the alarm bounds the error in units of the filter's covariance P.
+If another candidate is named, all begin anew.
 
 The estimate is limited to the bounds of theta.
 
@@ -123,16 +124,16 @@ def refine(
         return write.define(name, sp.Piecewise(*pairs, (values[-1], True), evaluate=False))
 
     J = range(len(bank.pushes))
-    column, offset, moves, more = _columns(write, bank, plant, of_named, anew, sized)
+    Psi, column, offset, moves, more = _columns(write, bank, plant, of_named, anew, sized)
     now = sp.Matrix([s.symbol for s in z])
     cov = sp.Matrix(n + 1, n + 1, lambda i, k: V[min(i, k), max(i, k)].symbol)
-    known = write.matrix("known", bank.C * offset)
+    rows, known = write.matrix("refined_rows", bank.C * Psi), write.matrix("known", bank.C * offset)
     for i, seen in enumerate(bank.whitened):
         eta = write.define(
             f"named_eta[{i}]",
             (bank.C[i, :] * column)[0] + of_named(f"jolt[{i}]", [bank.jolts[j][i] for j in J]),
         )
-        row = sp.Matrix([[*bank.rows[0][i, :], eta]])
+        row = sp.Matrix([[*rows[i, :], eta]])
         Vr = write.matrix(f"refined_{i}_Vr", cov * row.T)
         S = write.define(f"refined_{i}_S", 1 + (row * Vr)[0])
         away = write.define(f"refined_{i}_away", (seen - known[i] - (row * now)[0]) / S)
@@ -154,8 +155,8 @@ def refine(
     for (i, k), s in V.items():
         start = variance if i == k == n else evidence * after[i, k] if k < n else sp.S.Zero
         following[s.name] = begun(cov[i, k], start)
-    # d = Psi d0 + theta s + o since the alarm, before this tick's measurements
-    moved = write.matrix("named_error", bank.Psi[0] * now[:n, :] + theta * column + offset)
+    # d = Psi d0 + theta s + o since the estimate began, before this tick's measurements
+    moved = write.matrix("named_error", Psi * now[:n, :] + theta * column + offset)
     shift = bank.A * moved
     return Refined((named, *z, *V.values(), *more), following | moves, theta, variance, shift)
 
@@ -171,36 +172,48 @@ def _columns(
     of_named: Callable[[str, Sequence[sp.Expr]], sp.Expr],
     anew: sp.Expr,
     sized: Mapping[int, Sized],
-) -> tuple[sp.Matrix, sp.Matrix, dict[str, sp.Expr], tuple[Signal, ...]]:
-    """Write the column s of the named candidate since the alarm, and the offset o; return both, as states.
+) -> tuple[sp.Matrix, sp.Matrix, sp.Matrix, dict[str, sp.Expr], tuple[Signal, ...]]:
+    """Write Psi, the column s of the named candidate and the offset o, all since the estimate began.
 
-    At an alarm both are zero. If another candidate is named later, its column begins with what it would be
-    since the alarm: that from the start of the run minus the part from before.
+    Returns
+    -------
+    Psi, column, offset : sympy.Matrix
+        Before this tick.
+    next_values : dict of str to sympy.Expr
+    states : tuple of Signal
     """
     n, J = len(plant), range(len(bank.pushes))
-    s = [
-        Signal(f"named_s[{i}]", p.unit, f"error of {p.name} by the named candidate")
-        for i, p in enumerate(plant)
-    ]
-    o = [Signal(f"named_o[{i}]", p.unit, f"known part of the error of {p.name}") for i, p in enumerate(plant)]
-    column, offset = sp.Matrix([x.symbol for x in s]), sp.Matrix([x.symbol for x in o])
-    if not sized:
-        o, offset = [], sp.zeros(n, 1)
+
+    def states(name: str, text: str) -> list[Signal]:
+        return [Signal(f"named_{name}[{i}]", p.unit, f"{text} of {p.name}") for i, p in enumerate(plant)]
+
+    def since(name: str, signals: Sequence[Signal], then: sp.Matrix, start: sp.Matrix) -> dict[str, sp.Expr]:
+        new = write.matrix(name, then)
+        return {
+            x.name: sp.Piecewise((a, anew > sp.S.Half), (b, True))
+            for x, a, b in zip(signals, start, new, strict=True)
+        }
 
     def named(name: str, columns: Sequence[sp.Matrix]) -> sp.Matrix:
         return sp.Matrix([of_named(f"{name}[{i}]", [c[i] for c in columns]) for i in range(n)])
 
+    zero = sp.zeros(n, 1)
+    s, o = (
+        states("s", "error by the named candidate"),
+        states("o", "known part of the error") if sized else [],
+    )
+    column, offset = sp.Matrix([x.symbol for x in s]), sp.Matrix([x.symbol for x in o]) if o else zero
     pushes = [sized[j].slope if j in sized else bank.pushes[j] for j in J]
-    then = write.matrix("named_s_next", bank.M * column + named("named_push", pushes))
-    whole, before = named("named_whole", bank.after), named("named_before", bank.begun[0])
-    start = write.matrix("named_s_start", whole - bank.M * bank.Psi[0] * before)
-    raised = sp.Symbol("raised", real=True) > sp.S.Half
-    moves = {
-        x.name: sp.Piecewise((0, raised), (start[i], anew > sp.S.Half), (then[i], True), evaluate=False)
-        for i, x in enumerate(s)
-    }
+    moves = since("named_s_next", s, bank.M * column + named("named_push", pushes), zero)
     if sized:
-        parts = named("named_left", [sized[j].left if j in sized else sp.zeros(n, 1) for j in J])
-        kept = write.matrix("named_o_next", bank.M * offset + parts)
-        moves |= {x.name: sp.Piecewise((0, anew > sp.S.Half), (kept[i], True)) for i, x in enumerate(o)}
-    return column, offset, moves, (*s, *o)
+        left = named("named_left", [sized[j].left if j in sized else zero for j in J])
+        moves |= since("named_o_next", o, bank.M * offset + left, zero)
+    text = "transition of the error since the estimate began"
+    entries = [
+        Signal(f"named_Psi[{i},{k}]", f"({a.unit})/({b.unit})", text, start=float(i == k))
+        for i, a in enumerate(plant)
+        for k, b in enumerate(plant)
+    ]
+    Psi = sp.Matrix(n, n, [x.symbol for x in entries])
+    moves |= since("named_Psi_next", entries, bank.M * Psi, sp.eye(n))
+    return Psi, column, offset, moves, (*s, *o, *entries)

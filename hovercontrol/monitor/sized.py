@@ -1,8 +1,9 @@
 r"""Candidates that are not proportional to their coefficient, at the estimate of the named change.
 
 A candidate changes the derivatives by ``a(x, q)``, with its own states ``x' = f(x, q)`` and its coefficient
-q, which is theta times its trial value. While the candidate is named, q follows the estimate; before, it has
-its trial value. The slope da/dq includes that of the states, S = dx/dq:
+q. Before it is named, q has its trial value. Then q is the trial value times ``(theta + V)/(1 + V)``, the
+mean of the estimate theta, of variance V, and of 1, of variance 1: a first estimate that says little does not
+move q. The slope da/dq includes that of the states, S = dx/dq:
 
     S <- Phi_x S + Phi_q,    da/dq = a_x S + a_q,
 
@@ -12,7 +13,7 @@ from tick to tick, x moves by S dq.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import sympy as sp
@@ -53,8 +54,9 @@ class AtTheEstimate:
     ----------
     drive : mapping of int to sympy.Matrix, shape (n, 1)
         Change of the state over the tick per unit of a rate added to the derivative of each state.
-    named, theta, named_next, theta_next : sympy.Expr
-        Number of the named candidate, from 1, and its amplitude, before and after this tick.
+    now, then : sequence of three sympy.Expr
+        Number of the named candidate, from 1, its amplitude and the variance of that, before and after this
+        tick.
 
     Attributes
     ----------
@@ -68,18 +70,17 @@ class AtTheEstimate:
         memory: Memory,
         drive: Mapping[int, sp.Matrix],
         period: float,
-        named: sp.Expr,
-        theta: sp.Expr,
-        named_next: sp.Expr,
-        theta_next: sp.Expr,
+        now: Sequence[sp.Expr],
+        then: Sequence[sp.Expr],
     ) -> None:
         self._write, self._memory, self._drive, self._period = write, memory, drive, period
-        self._now, self._then = (named, theta), (named_next, theta_next)
+        self._now, self._then = now, then
         self.states: list[Signal] = []
         self.next_values: dict[str, sp.Expr] = {}
 
     def write(self, c: Candidate, j: int, names: list[str]) -> Sized:
         """Write a candidate, the j-th from 0; `names` are those of the plant's states."""
+        assert c.number is not None
         write, name = self._write, f"sized_{j}"
         own = [s.replace(name=f"{c.name}.sized.{s.name}") for s in c.memory]
         size = Signal(f"{name}_q", c.unit)
@@ -117,10 +118,13 @@ class AtTheEstimate:
         by_theta = write.matrix(f"{name}_by_theta", by_theta)
         return Sized(by_theta, write.matrix(f"{name}_left", change - by_theta * theta))
 
-    def _coefficient(self, name: str, c: Candidate, j: int, named: sp.Expr, theta: sp.Expr) -> sp.Expr:
-        """Write q: the estimate within limits if the candidate is named, else the trial value."""
+    def _coefficient(
+        self, name: str, c: Candidate, j: int, named: sp.Expr, theta: sp.Expr, V: sp.Expr
+    ) -> sp.Expr:
+        """Write q: from the estimate, within limits, if the candidate is named, else the trial value."""
+        assert c.number is not None
         least = max(LEAST, min(1.0, SHORTEST * self._period / abs(c.scale))) if c.memory else LEAST
-        size = c.number * sp.Max(least, sp.Min(theta, MOST))
+        size = c.number * sp.Max(least, sp.Min((theta + V) / (1 + V), MOST))
         return self._write.define(
             name, sp.Piecewise((size, sp.Abs(named - (j + 1)) < sp.S.Half), (c.number, True))
         )

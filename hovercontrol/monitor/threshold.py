@@ -136,7 +136,7 @@ def false_alarm_rate(
     rng = np.random.default_rng(seed)
     info = found.information[begin:end]
     # scores above `most[0]` and below `-most[1]` exceed the threshold
-    most = [least_score(threshold, found.information + floor, bound) for bound in (upper, -lower)]
+    most = [least_score(threshold, found.information + floor, bound) for bound in (upper, np.abs(lower))]
     with np.errstate(divide="ignore"):
         limit = np.stack([side[begin:end] / np.sqrt(info) for side in most])
     tails = ndtr(-limit)
@@ -144,7 +144,9 @@ def false_alarm_rate(
     if total == 0.0:
         return 0.0
     strata = (np.arange(draws) + rng.uniform(size=draws)) / draws
-    chosen = np.minimum(np.searchsorted(np.cumsum(tails.ravel()), strata * total), tails.size - 1)
+    cumulative = np.cumsum(tails.ravel())
+    chosen = np.searchsorted(cumulative, strata * cumulative[-1], side="right")
+    chosen = np.minimum(chosen, np.flatnonzero(tails)[-1])
     side, k, w, j = np.unravel_index(chosen, tails.shape)
     z = -ndtri(rng.uniform(size=draws) * tails[side, k, w, j]) * np.where(side == 0, 1.0, -1.0)
     noise = rng.standard_normal((draws, K, m), dtype=np.float32)
