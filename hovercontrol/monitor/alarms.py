@@ -20,11 +20,6 @@ HOLD = 5.0
 #: While there is a rival, evidence is collected for at most this many times as long.
 LONGER = 3.0
 
-#: A candidate with this share of the largest evidence is a rival. The tests are linear in a change: of a
-#: large one they explain a part only, and the likelihood ratio alone would exclude the right name. Chosen on
-#: eight disturbances of the cockpit, not from a rate of wrong names.
-SHARE = 0.6
-
 
 @dataclass(frozen=True)
 class Alarm:
@@ -169,12 +164,7 @@ class Alarms:
             return float(tick.values[self._places[name]])
 
         name = self.names[which - 1]
-        most = SHARE * value("evidence")
-        rivals = tuple(
-            n
-            for n in self.names
-            if n != name and (value(f"possible_{n}") > 0.5 or value(f"evidence_{n}") > most)
-        )
+        rivals = tuple(n for n in self.names if n != name and value(f"possible_{n}") > 0.5)
         biased = name.removesuffix("_bias") in self._measured and name.endswith("_bias")
         return Alarm(
             raised,

@@ -50,20 +50,18 @@ class Bank:
         b and J after this tick, by candidate and window.
     age : list of sympy.Expr
         Ticks since the start of each window, this one included.
-    signature : list of list of list of sympy.Expr
-        eta, by candidate, window and measurement.
-    columns, begun, Psi : list of sympy.Matrix
-        s of each candidate, s(tau) by window and candidate, and Psi of each window, before this tick.
-    A : sympy.Matrix, shape (n, n)
-        Error after this tick's measurements by the error before.
+    columns : list of sympy.Matrix
+        s of each candidate, before this tick.
+    pushes, jolts : list of sympy.Matrix
+        Change of s, and of the innovations divided by their standard deviations, by the tick itself, by
+        candidate: ``s <- M s + push``, ``eta = C s + jolt``.
+    A, M, C : sympy.Matrix, shape (n, n), (n, n) and (m, n)
+        Error after this tick's measurements, error before the next tick, and innovations divided by their
+        standard deviations, by the error before this tick.
     whitened : list of sympy.Expr
         e, by measurement.
-    rows : list of sympy.Matrix, shape (m, n)
-        C Psi of each window.
     own : list of list of sympy.Expr
         eta of each candidate since the start, by measurement.
-    C, M : sympy.Matrix, shape (m, n) and (n, n)
-        C, and Phi A.
     """
 
     states: tuple[Signal, ...]
@@ -71,16 +69,14 @@ class Bank:
     score: list[list[sp.Expr]]
     information: list[list[sp.Expr]]
     age: list[sp.Expr]
-    signature: list[list[list[sp.Expr]]]
     columns: list[sp.Matrix]
-    begun: list[list[sp.Matrix]]
-    Psi: list[sp.Matrix]
+    pushes: list[sp.Matrix]
+    jolts: list[sp.Matrix]
     A: sp.Matrix
-    whitened: list[sp.Expr]
-    rows: list[sp.Matrix]
-    own: list[list[sp.Expr]]
-    C: sp.Matrix
     M: sp.Matrix
+    C: sp.Matrix
+    whitened: list[sp.Expr]
+    own: list[list[sp.Expr]]
 
 
 def through(
@@ -168,30 +164,27 @@ def write_bank(
         pairs = [*at_alarm.get(w, []), (0, hold > sp.S.Half), (1, rest < sp.S.Half), (0, True)]
         moved.append(write.define(f"moved[{w}]", sp.Piecewise(*pairs, evaluate=False)))
 
-    columns, own, after = [], [], []
+    columns, own, after, pushes, jolts = [], [], [], [], []
     for j in range(J):
         s = sp.Matrix(
             [state(f"s[{j},{i}]", p.unit, f"error of {p.name} by candidate {j}") for i, p in enumerate(plant)]
         )
         columns.append(s)
-        eta = list(C * s)
-        then = M * s + forced[j]
+        push, jolt = forced[j], sp.zeros(m, 1)
         if any(b != 0 for b in bias[j]):
             shift, lost = through(write, f"bias_{j}", steps, sp.zeros(n, 1), bias[j])
-            eta = [e + root[i] * shift[i] for i, e in enumerate(eta)]
-            then = then + Phi * lost
-        own.append([write.define(f"eta[{j},{i}]", e) for i, e in enumerate(eta)])
-        new = write.matrix(f"s_next_{j}", then)
+            jolt = write.matrix(f"jolt_{j}", sp.Matrix([root[i] * e for i, e in enumerate(shift)]))
+            push = write.matrix(f"push_{j}", push + Phi * lost)
+        pushes.append(push)
+        jolts.append(jolt)
+        own.append([write.define(f"eta[{j},{i}]", e) for i, e in enumerate(C * s + jolt)])
+        new = write.matrix(f"s_next_{j}", M * s + push)
         after.append(new)
         following |= {f"s[{j},{i}]": new[i] for i in range(n)}
 
     score: list[list[sp.Expr]] = [[] for _ in range(J)]
     information: list[list[sp.Expr]] = [[] for _ in range(J)]
-    signature: list[list[list[sp.Expr]]] = [[] for _ in range(J)]
     age: list[sp.Expr] = []
-    transitions: list[sp.Matrix] = []
-    rows: list[sp.Matrix] = []
-    beginnings: list[list[sp.Matrix]] = []
     before: dict[str, sp.Expr] = {}
     for w in range(windows):
         Psi = sp.Matrix(
@@ -202,15 +195,12 @@ def write_bank(
             ),
         )  # fmt: skip
         R = write.matrix(f"R_{w}", C * Psi)
-        rows.append(R)
         Psi_next = write.matrix(f"Psi_next_{w}", M * Psi)
         old = write.define(
             f"age_now[{w}]", state(f"age[{w}]", "1", f"ticks since the start of window {w}") + 1
         )
         age.append(old)
         values = {f"age[{w}]": old}
-        transitions.append(Psi)
-        beginnings.append([])
         values |= {f"Psi[{w},{i},{k}]": Psi_next[i, k] for i in range(n) for k in range(n)}
         fresh: dict[str, sp.Expr] = {f"age[{w}]": sp.S.Zero}
         fresh |= {f"Psi[{w},{i},{k}]": sp.eye(n)[i, k] for i in range(n) for k in range(n)}
@@ -221,9 +211,7 @@ def write_bank(
                     for i, p in enumerate(plant)
                 ]
             )
-            beginnings[w].append(begun)
             eta = [write.define(f"eta[{w},{j},{i}]", own[j][i] - (R[i, :] * begun)[0]) for i in range(m)]
-            signature[j].append(eta)
             b = state(f"b[{w},{j}]", "1", f"score of candidate {j} in window {w}")
             info = state(f"J[{w},{j}]", "1", f"information on candidate {j} in window {w}")
             b_now = write.define(f"b_now[{w},{j}]", b + sum(e * x for e, x in zip(eta, seen, strict=True)))
@@ -240,6 +228,6 @@ def write_bank(
             following[key] = sp.Piecewise((earlier, moved[w] > sp.S.Half), (value, True))
         before = values
     return Bank(
-        tuple(states), following, score, information, age, signature, columns, beginnings, transitions, A,
-        seen, rows, own, C, M,
+        tuple(states), following, score, information, age, columns,
+        pushes, jolts, A, M, C, seen, own,
     )  # fmt: skip

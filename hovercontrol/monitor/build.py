@@ -73,10 +73,10 @@ def build(
     source = train if train is not None else first_part(log)
     report(0.0, "fitting the noise")
     if train is not None:
-        model, noise = fitted_on(model, train, channels, lambda part, what: report(0.3 * part, what))
+        model, noise, std = fitted_on(model, train, channels, lambda part, what: report(0.3 * part, what))
         where = f"coefficients and noise fitted on {train.name}"
     else:
-        noise = noise_from(model, source, channels)
+        noise, std = noise_from(model, source, channels), {}
         where = (
             f"noise taken from the first {source.time[-1] - source.time[0]:.0f} s of {log.name}, "
             "in which a change is not seen; --fit LOG takes it from a sound log"
@@ -89,6 +89,7 @@ def build(
         period=period,
         process_noise=noise.process,
         measurement_noise=noise.measurement,
+        coefficient_std=std,
         measured=channels,
         lost_samples=channels,
         motion=source.between(float(source.time[0]), float(source.time[0]) + MOTION),

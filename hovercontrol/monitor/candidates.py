@@ -3,7 +3,8 @@
 A change of amplitude theta adds ``theta a`` to the derivatives of the states and ``theta b`` to the measured
 values. For a coefficient c that enters linearly, a = df/dc and b = dh/dc. For a shape parameter s (a lag, a
 dead zone), a is the secant from the neutral value to a trial value: ``a = f(s_trial) - f(s_neutral)``, and
-theta is the part of the trial's distance from the neutral value.
+theta is the part of the trial's distance from the neutral value. A coefficient's bounds are bounds of theta:
+a friction coefficient of 0.5 falls by 0.5 at most.
 """
 
 from __future__ import annotations
@@ -25,6 +26,9 @@ from hovercontrol.models.model import Model
 
 Craft = Model | BlockModel
 
+#: Key of the sampling period among the sizes; no signal has it as its name.
+STEP = "sampling period"
+
 
 @dataclass(frozen=True)
 class Candidate:
@@ -40,8 +44,8 @@ class Candidate:
         Coefficient without the change: 0, or the symbol of the model's own coefficient.
     scale : float
         Change of the coefficient for theta = 1.
-    sign : int
-        1 if theta cannot be negative, -1 if it cannot be positive, else 0.
+    lower, upper : sympy.Expr
+        Bounds of theta, ``lower <= 0 <= upper``.
     rates : dict of str to sympy.Expr
         a, by the name of the state.
     seen : dict of str to sympy.Expr
@@ -53,18 +57,34 @@ class Candidate:
         present ones. Late commands have the symbols ``NAME_late``.
     parameters : tuple of Signal
         Parameters in the expressions that the model does not have.
+    number : sympy.Symbol, optional
+        The coefficient at its trial value, if theta is a part of a trial.
     """
 
     name: str
     unit: str
     neutral: sp.Expr
     scale: float
-    sign: int
+    lower: sp.Expr = sp.S.NegativeInfinity
+    upper: sp.Expr = sp.S.Infinity
     rates: dict[str, sp.Expr] = field(default_factory=dict)
     seen: dict[str, sp.Expr] = field(default_factory=dict)
     memory: dict[Signal, sp.Expr] = field(default_factory=dict)
     delay: float = 0.0
     parameters: tuple[Signal, ...] = ()
+    number: sp.Symbol | None = None
+
+    @property
+    def curved(self) -> bool:
+        """Whether the changes of the derivatives are not proportional to the coefficient.
+
+        Not of a delay, whose slope at another time takes other late commands.
+        """
+        q = self.number
+        if q is None or self.delay or self.seen or not (self.lower.is_zero and self.neutral.is_zero):
+            return False
+        slopes = [sp.diff(e, q) for e in self.rates.values()]
+        return any(q in e.free_symbols for e in (*slopes, *self.memory.values()))
 
 
 def candidates_of(
@@ -73,6 +93,7 @@ def candidates_of(
     measured: Sequence[str],
     sizes: Mapping[str, float],
     name: str,
+    period: float,
 ) -> list[Candidate]:
     """Return the candidates of a monitor, in the given order.
 
@@ -84,6 +105,8 @@ def candidates_of(
         Typical size of each input and state along the motion, by name.
     name : str
         Of the monitor.
+    period : float
+        Of its samples [s].
 
     Raises
     ------
@@ -96,7 +119,7 @@ def candidates_of(
         wanted = [*model.linear_coefficients(), *(f"{channel}_bias" for channel in measured)]
     found: list[Candidate] = []
     for one in wanted:
-        found += _made(model, plant, one, measured, sizes, name)
+        found += _made(model, plant, one, measured, {**sizes, STEP: period}, name)
     names = [c.name for c in found]
     if not names:
         raise InputError(f"{name}: candidates: expected at least one")
@@ -129,7 +152,7 @@ def _made(
     if one.endswith("_bias") and channel in measured:
         unit = plant.signal(shown_by([s.name for s in plant.outputs], channel)).unit
         scale = _constant(f"scale_{one}", unit, 1.0)
-        return [Candidate(one, unit, sp.S.Zero, 1.0, 0, seen={channel: scale.symbol}, parameters=(scale,))]
+        return [Candidate(one, unit, sp.S.Zero, 1.0, seen={channel: scale.symbol}, parameters=(scale,))]
     try:
         cls = model.effect_class(one)
     except InputError:
@@ -148,6 +171,8 @@ def _trial(cls: type[Effect], model: Craft, sizes: Mapping[str, float]) -> Effec
                 scale = max((sizes[n] for n in model.input_units() if n in sizes), default=1.0)
             elif number.of == "speed":
                 scale = sizes.get(cls.axis, 1.0)
+            elif number.of == "step":
+                scale = sizes[STEP]
             values[key] = number.search[len(number.search) // 2] * scale
         elif math.isfinite(number.neutral):
             values[key] = number.neutral + 1.0
@@ -159,7 +184,8 @@ def _trial(cls: type[Effect], model: Craft, sizes: Mapping[str, float]) -> Effec
 def _of_coefficient(plant: Block, key: str, measured: Sequence[str], name: str) -> Candidate:
     """Return the change of a coefficient that the model has."""
     block = owned(plant, name)
-    symbol, unit = block.parameter(key).symbol, block.parameter(key).unit
+    own = block.parameter(key)
+    symbol, unit = own.symbol, own.unit
     scale = _constant(f"scale_{key}", unit, 1.0)
 
     def slope(e: sp.Expr) -> sp.Expr:
@@ -169,7 +195,13 @@ def _of_coefficient(plant: Block, key: str, measured: Sequence[str], name: str) 
     outputs = [s.name for s in block.outputs]
     values = {s.name: s.symbol for s in block.states} | dict(block.output_expressions)
     seen = {c: slope(values[shown_by(outputs, c)]) for c in measured}
-    return Candidate(key, unit, symbol, 1.0, 0, _nonzero(rates), _nonzero(seen), parameters=(scale,))
+    lower, upper = (
+        sp.Float(b) - symbol / scale.symbol if math.isfinite(b) else sp.sympify(b)
+        for b in (own.lower, own.upper)
+    )
+    return Candidate(
+        key, unit, symbol, 1.0, lower, upper, _nonzero(rates), _nonzero(seen), parameters=(scale,)
+    )
 
 
 def _of_effect(
@@ -228,24 +260,29 @@ def _against(
     after = {s.name: s.symbol for s in extended.states} | dict(extended.output_expressions)
     before = {s.name: s.symbol for s in without.states} | dict(without.output_expressions)
     seen = {c: change(after[shown_by(new, c)], before[shown_by(old, c)]) for c in measured}
-    sign = 0
-    if number is not None and number.lower >= number.neutral:
-        sign = 1
-    elif number is not None and number.upper <= number.neutral:
-        sign = -1
+    lower, upper = sp.S.NegativeInfinity, sp.S.Infinity
+    if number is not None:  # the least value of a lag is a little above its neutral value
+        below, above = min(number.lower - neutral, 0.0) / scale, max(number.upper - neutral, 0.0) / scale
+        lower, upper = _number(min(below, above)), _number(max(below, above))
     lone = sum(not math.isnan(n.neutral) for n in cls.numbers.values()) <= 1
     return Candidate(
         cls.name if lone else cls.parameter(key),
         extended.parameter(cls.parameter(key)).unit if key else "1",
         sp.Float(neutral),
         scale,
-        sign * (1 if scale > 0 else -1),
+        lower,
+        upper,
         _nonzero(rates),
         _nonzero(seen),
         memory,
         delay,
         tuple(kept),
+        own[key].symbol if key else None,
     )
+
+
+def _number(value: float) -> sp.Expr:
+    return sp.sympify(value) if value else sp.S.Zero
 
 
 def _nonzero(changes: Mapping[str, sp.Expr]) -> dict[str, sp.Expr]:

@@ -1,14 +1,22 @@
 """The decision of a monitor: alarm, name, coefficient and rivals, as equations of its Block.
 
 The alarm is raised when the largest g of all candidates and windows exceeds the threshold, and stays until a
-reset. The name is the candidate with the largest g. A rival cannot be told apart yet if its largest g is
-within ``2 ln(1/error)`` of that: its likelihood is at least `error` times as large.
+reset. The name is the candidate with the largest g. A rival cannot be told apart yet if one of two holds.
+
+- Noise: its largest g is within ``2 ln(1/error)`` of that of the best, so that its likelihood is at least
+  `error` times as large. If the rival is right, the likelihood ratio of the best to it exceeds ``1/error``
+  with a probability of `error` at most (Wald; with several rivals Nikiforov, IEEE Trans. Information Theory
+  41, 1995, and Lai, IEEE Trans. Information Theory 46, 2000).
+- Linearisation: its g is at least ``1 - curvature^2`` of that of the best. The test of a candidate is linear
+  in its change. If what the change does differs from that by a part `curvature` of its size, at right angles,
+  the right candidate explains only ``1 - curvature^2`` of the evidence; a rival may explain more. For a small
+  change this part is less than the noise, for a large one the first rule would exclude the right name.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import sympy as sp
@@ -17,10 +25,14 @@ from hovercontrol.core.signals import Signal
 from hovercontrol.estimators.ins.kalman import Equations
 from hovercontrol.monitor.bank import Bank
 from hovercontrol.monitor.candidates import Candidate
-from hovercontrol.monitor.refined import Refined, refine
+from hovercontrol.monitor.refined import Refined, refine, within
+from hovercontrol.monitor.sized import Sized
 
-#: Likelihood ratio below which a rival is excluded.
+#: Likelihood ratio below which a rival is excluded: the probability that a right name is.
 ERROR = 0.01
+
+#: Error of the linear response to a change, as a part of it. Measured: see `benchmarks/monitor.py`.
+CURVATURE = 0.45
 
 
 @dataclass(frozen=True)
@@ -43,6 +55,21 @@ class Decision:
     refined: Refined
 
 
+def likelihood(b: sp.Expr, information: sp.Expr, lower: sp.Expr, upper: sp.Expr) -> sp.Expr:
+    """Return g, the largest ``2 b theta - I theta^2`` with theta between bounds."""
+    if lower.is_infinite and upper.is_infinite:
+        return b**2 / information
+    if lower == 0 and upper.is_infinite:
+        return sp.Max(0, b) ** 2 / information
+    theta = within(b / information, lower, upper)
+    return theta * (2 * b - information * theta)
+
+
+def least_evidence(best: sp.Expr) -> sp.Expr:
+    """Return the evidence below which a rival of a candidate with the evidence `best` is excluded."""
+    return sp.Min(best - sp.Float(2 * math.log(1 / ERROR)), sp.Float(1 - CURVATURE**2) * best)
+
+
 def decide(
     write: Equations,
     candidates: Sequence[Candidate],
@@ -50,12 +77,14 @@ def decide(
     plant: Sequence[Signal],
     after: sp.Matrix,
     floors: Sequence[Signal],
+    limits: Sequence[tuple[sp.Expr, sp.Expr]],
     threshold: sp.Expr,
     latched: sp.Expr,
     settled: sp.Expr,
     dead: Sequence[sp.Expr],
     channels: Sequence[Signal],
     period: sp.Expr,
+    sized: Mapping[int, Sized],
 ) -> Decision:
     """Write the decision.
 
@@ -65,20 +94,23 @@ def decide(
         States of the filter, and the covariance of its prediction at the next tick.
     floors : sequence of Signal
         J0 of each candidate.
+    limits : sequence of (sympy.Expr, sympy.Expr)
+        Bounds of each candidate's theta.
     latched : sympy.Expr
         1 if an alarm was raised before.
     settled : sympy.Expr
         1 once the tests have begun.
     dead : sequence of sympy.Expr
         1 for each dead sensor, of `channels`.
+    sized : mapping of int to Sized
+        Candidates that are not proportional to their coefficient, by number from 0.
     """
     every = []  # (g, candidate, window)
     largest = []
     for j, c in enumerate(candidates):
         mine = []
         for w, (b, info) in enumerate(zip(bank.score[j], bank.information[j], strict=True)):
-            score = sp.Max(0, c.sign * b) if c.sign else b
-            g = write.define(f"g[{w},{j}]", score**2 / (info + floors[j].symbol))
+            g = write.define(f"g[{w},{j}]", likelihood(b, info + floors[j].symbol, *limits[j]))
             mine.append(g)
             every.append((g, j, w))
         largest.append(write.define(f"evidence_{c.name}", sp.Max(*mine)))
@@ -119,7 +151,7 @@ def decide(
         sp.Piecewise(*sensors, (which, told), (sp.S.Zero, True), evaluate=False),
     )
     output(Signal("evidence", "1", "largest g; alarm above the threshold"), best)
-    refined = refine(write, bank, plant, which, alarm, b / sp.Max(info, 1e-300), best, after)
+    refined = refine(write, bank, plant, which, alarm, b / sp.Max(info, 1e-300), best, after, limits, sized)
     scale = sp.Piecewise(
         *((sp.Float(c.scale), which < j + 1.5) for j, c in enumerate(candidates[:-1])),
         (sp.Float(candidates[-1].scale), True),
@@ -136,14 +168,13 @@ def decide(
         Signal("since", "s", "time since the estimated onset"),
         sp.Piecewise((age * period, told), (0, True)),
     )
-    limit = sp.Float(2 * math.log(1 / ERROR))
+    least = write.define("least", least_evidence(best))
     for c, g in zip(candidates, largest, strict=True):
         output(Signal(f"evidence_{c.name}", "1", f"largest g of {c.name}"), g)
-    for j, (c, g) in enumerate(zip(candidates, largest, strict=True)):
-        mine = [k for k, (_, i, _) in enumerate(every) if i == j]
+    for c, g in zip(candidates, largest, strict=True):
         output(
             Signal(f"possible_{c.name}", "1", f"1 if an alarm may be due to {c.name}"),
-            sp.Piecewise((1, sp.And(told, g >= best - limit)), (0, True)),
+            sp.Piecewise((1, sp.And(told, g >= least)), (0, True)),
         )
     for s, d in zip(channels, dead, strict=True):
         output(Signal(f"dead_{s.name}", "1", f"1 while no new sample of {s.name} comes"), d)

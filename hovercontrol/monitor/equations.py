@@ -16,10 +16,12 @@ from hovercontrol.estimators.filter_equations import corrections, estimate_of, f
 from hovercontrol.estimators.ins.kalman import Equations, Estimate
 from hovercontrol.estimators.propagation import Dynamics, Prediction, predict
 from hovercontrol.monitor.bank import Bank, write_bank
+from hovercontrol.monitor.candidates import Candidate
 from hovercontrol.monitor.decision import Decision, decide
 from hovercontrol.monitor.design import Design
 from hovercontrol.monitor.memory import Memory
 from hovercontrol.monitor.sensors import check_samples
+from hovercontrol.monitor.sized import AtTheEstimate
 
 RESET = Signal("reset", "1", "1 to restart the tests at the next tick", lower=0.0, upper=1.0)
 LATCHED = Signal("latched", "1", "1 after an alarm")
@@ -124,19 +126,25 @@ def _assembled(design: Design, threshold: float, floors: Sequence[float]) -> tup
         windows=design.windows, first=design.first, hold=sp.Symbol("test_alarm", real=True),
         raised=sp.Symbol("raised", real=True), best_window=sp.Symbol("best_window", real=True),
     )  # fmt: skip
+    # after an alarm, the named candidate is linearised at its estimate
+    keys = ("named", f"z[{n}]", f"V[{n},{n}]"), ("named_next", "theta", "theta_variance")
+    at_now, at_then = (tuple(sp.Symbol(key, real=True) for key in some) for some in keys)
+    at = AtTheEstimate(write, memory, drive, design.period, at_now, at_then)
+    sized = {j: at.write(c, j, [s.name for s in plant]) for j, c in enumerate(design.candidates) if c.curved}
+    limits = [bounds_of(c, memory) for c in design.candidates]
     decision = decide(
-        write, design.candidates, bank, plant, then.P, own.floors, own.threshold.symbol, LATCHED.symbol,
-        settled, sensors.dead, model.measured, step,
+        write, design.candidates, bank, plant, then.P, own.floors, limits, own.threshold.symbol,
+        LATCHED.symbol, settled, sensors.dead, model.measured, step, sized,
     )  # fmt: skip
     for i in range(n):
         write.definitions[f"shift[{i}]"] = decision.refined.shift[i]
     elapsed = write.define("elapsed", sp.Min(RUNNING.symbol + step, settle))
     tests = (LATCHED, *bank.states, *decision.refined.states)
     following = _following(states, tests, then, own, bank, decision, settled, elapsed)
-    following |= sensors.next_values | memory.next_values
+    following |= sensors.next_values | memory.next_values | at.next_values
     block = Block(
         model.name,
-        states=(*states, RUNNING, *sensors.states, *memory.states, *tests),
+        states=(*states, RUNNING, *sensors.states, *memory.states, *at.states, *tests),
         inputs=(*model.inputs, RESET),
         outputs=decision.outputs,
         parameters=(*own.every, *model.parameters, *(p for c in design.candidates for p in c.parameters)),
@@ -146,6 +154,15 @@ def _assembled(design: Design, threshold: float, floors: Sequence[float]) -> tup
         period=design.period,
     )
     return block, bank
+
+
+def bounds_of(c: Candidate, memory: Memory) -> tuple[sp.Expr, sp.Expr]:
+    """Return the bounds of a candidate's theta at the estimate; zero lies between them."""
+    lower, upper = memory.at(c, c.lower), memory.at(c, c.upper)
+    return (
+        lower if lower.is_number else sp.Min(lower, 0),
+        upper if upper.is_number else sp.Max(upper, 0),
+    )
 
 
 def _predicted(

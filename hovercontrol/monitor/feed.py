@@ -79,6 +79,12 @@ class Feed:
             if p.name == key
         }
         self._params: dict[str, float] = {}
+        self._estimates = {
+            s.description.removeprefix("estimate of "): s.name
+            for s in self._compiled.block.states
+            if s.description.startswith("estimate of ")
+        }
+        self._learnt: dict[str, float] = {}
         self._bias = dict.fromkeys(self.measured, 0.0)
         self._last_row = -math.inf
         self._reset = False
@@ -108,6 +114,11 @@ class Feed:
             self._params[key] = min(max(before + change, lower), upper)
             self._runner.set(params={key: self._params[key]})
             return self._params[key] - before
+        elif name in self._estimates and name in candidates_in(self.block):  # an uncertain coefficient
+            key = self._estimates[name]
+            at = [s.name for s in self._compiled.block.states].index(key)
+            self._learnt[key] = float(self._runner.state[at]) + change
+            self._runner.set(state={key: self._learnt[key]})
         return change
 
     def rows(self, time: float, values: Mapping[str, float]) -> Iterator[Tick]:
@@ -147,11 +158,10 @@ class Feed:
             yield self._step()
 
     def _begin(self, time: float, values: Mapping[str, float]) -> None:
-        estimates = {s.description.removeprefix("estimate of "): s.name for s in self._compiled.block.states}
-        at = {
-            estimates[name]: values[name] - self._bias[name]
+        at = self._learnt | {
+            self._estimates[name]: values[name] - self._bias[name]
             for name in self.measured
-            if name in estimates and math.isfinite(values.get(name, math.nan))
+            if name in self._estimates and math.isfinite(values.get(name, math.nan))
         }
         self._start_of, self._tick, self._rows = time, 0, {}
         self._later = {}

@@ -21,21 +21,24 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.effects import Effect
-from hovercontrol.estimators.observed import plant_of
+from hovercontrol.estimators.observed import owned, plant_of
 from hovercontrol.estimators.propagation import steps_between
 from hovercontrol.io.tables import positive
 from hovercontrol.logs.log import Log
 from hovercontrol.models.interface import AnyModel, as_model
-from hovercontrol.monitor.candidates import candidates_of
+from hovercontrol.monitor.candidates import Candidate, candidates_of
 from hovercontrol.monitor.design import Design, estimation_model
 from hovercontrol.monitor.equations import monitor_block
 from hovercontrol.monitor.motion import motion_of
 from hovercontrol.monitor.signatures import along_motion
 from hovercontrol.monitor.threshold import floors, threshold_for
+
+Array = NDArray[np.float64]
 
 #: Length of the shortest window [s]; the windows' lengths grow by factors of 2.
 SHORTEST = 0.25
@@ -154,7 +157,7 @@ def monitor(
     )  # fmt: skip
     steps = steps_between(plant, tick, name, substeps)
     path = motion_of(plant, measured, tick, motion, name)
-    found = candidates_of(craft, candidates, measured, path.sizes, name)
+    found = candidates_of(craft, candidates, measured, path.sizes, name, tick)
     design = Design(
         known,
         tuple(found),
@@ -168,9 +171,21 @@ def monitor(
     )
     shown = along_motion(design, path)
     floor = floors(shown)
-    signs = np.array([c.sign for c in found])
-    threshold = threshold_for(shown, floor, signs, wanted * tick / 3600.0, rest=round(settle / tick))
+    lower, upper = bounds_of(plant, found, name)
+    rate, rest = wanted * tick / 3600.0, round(settle / tick)
+    threshold = threshold_for(shown, floor, lower, upper, rate, rest=rest)
     return monitor_block(design, threshold, list(floor))
+
+
+def bounds_of(plant: Block, found: Sequence[Candidate], name: str) -> tuple[Array, Array]:
+    """Return the bounds of each candidate's theta, at the start values of the coefficients."""
+    own = (*owned(plant, name).parameters, *(p for c in found for p in c.parameters))
+    start = {p.symbol: p.start for p in own}
+    lower, upper = (
+        np.array([float(e.subs(start)) for e in some])
+        for some in ([c.lower for c in found], [c.upper for c in found])
+    )
+    return np.minimum(lower, 0.0), np.maximum(upper, 0.0)
 
 
 def named_effects(block: Block) -> list[str]:

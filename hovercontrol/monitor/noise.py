@@ -7,6 +7,7 @@ same power at low frequencies: root spectral density ``sigma (2 tau)^(1/2)``.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -86,11 +87,16 @@ def noise_from(model: Craft, log: Log, channels: Sequence[str]) -> NoiseLevels:
 
 def fitted_on(
     model: Craft, log: Log, channels: Sequence[str], progress: Callable[[float, str], None] | None = None
-) -> tuple[Craft, NoiseLevels]:
-    """Return a model with the coefficients that a training log shows, and the noise levels beside it."""
+) -> tuple[Craft, NoiseLevels, dict[str, float]]:
+    """Return a model with the coefficients that a training log shows, its noise levels, and standard errors.
+
+    The standard errors hold for an incomplete model, too: they cover what other estimates of a coefficient
+    give. A coefficient that the log does not show keeps its value, and has none.
+    """
     chosen = Log(log.name, log.time, _only(model, log, channels), frame=log.frame, trials=log.trials)
     found = identify(model, [chosen], progress=progress)
-    return found.model, noise_of(found.fit, channels)
+    std = {c.name: c.std for c in found.coefficients if 0.0 < c.std < math.inf}
+    return found.model, noise_of(found.fit, channels), std
 
 
 def _only(model: Craft, log: Log, channels: Sequence[str]) -> dict[str, np.ndarray]:

@@ -7,19 +7,30 @@ eta_i the signature since that tick, the innovations divided by their standard d
 
     e_i = C_i Psi d0 + theta eta_i + n_i,   n_i ~ N(0, 1).
 
+A candidate that is not proportional to its coefficient q (a lag, a dead zone) is linearised at the estimate
+of each tick instead of between zero and the trial value. Its change of the state over the tick is
+``g(q) = g(q_k) + g'(q_k) (q - q_k)``: eta_i follows from g', and the part that is left, ``g(q_k) - g' q_k``,
+adds a known offset o to the error, ``o <- M o + g(q_k) - g' q_k``:
+
+    e_i - C_i o = C_i Psi d0 + theta eta_i + n_i.
+
 Recursive least squares estimate z = (d0, theta) with the row r = (C_i Psi, eta_i):
 
     S = 1 + r V r',  k = V r'/S,  z <- z + k (e - r z),  V <- V - k (r V).
 
 They start from the estimate theta of the best window, with the standard deviation abs(theta), and from d0 = 0
 with the covariance g P: the evidence g at the alarm bounds the error in units of the filter's covariance P.
+If another candidate is named, all begin anew.
+
+The estimate is limited to the bounds of theta.
 
 Source: Friedland, Treatment of bias in recursive filtering, IEEE TAC 14, 1969.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import sympy as sp
@@ -27,6 +38,10 @@ import sympy as sp
 from hovercontrol.core.signals import Signal
 from hovercontrol.estimators.ins.kalman import Equations
 from hovercontrol.monitor.bank import Bank
+from hovercontrol.monitor.sized import Sized
+
+#: Stands for an infinite bound of theta among finite ones.
+FAR = 1e30
 
 
 @dataclass(frozen=True)
@@ -51,6 +66,12 @@ class Refined:
     shift: sp.Matrix
 
 
+def within(value: sp.Expr, lower: sp.Expr, upper: sp.Expr) -> sp.Expr:
+    """Return a value limited to bounds; infinite ones are left out."""
+    value = value if upper.is_infinite else sp.Min(value, upper)
+    return value if lower.is_infinite else sp.Max(value, lower)
+
+
 def refine(
     write: Equations,
     bank: Bank,
@@ -60,6 +81,8 @@ def refine(
     first: sp.Expr,
     evidence: sp.Expr,
     after: sp.Matrix,
+    limits: Sequence[tuple[sp.Expr, sp.Expr]],
+    sized: Mapping[int, Sized],
 ) -> Refined:
     """Write the estimate.
 
@@ -75,6 +98,10 @@ def refine(
         Estimate from the best window, and its g.
     after : sympy.Matrix, shape (n, n)
         Covariance of the filter's prediction at the next tick.
+    limits : sequence of (sympy.Expr, sympy.Expr)
+        Bounds of each candidate's theta.
+    sized : mapping of int to Sized
+        Candidates that are not proportional to their coefficient, by number from 0.
     """
     n = len(plant)
     named = Signal("named", "1", "number of the named candidate; 0 before an alarm")
@@ -96,33 +123,97 @@ def refine(
         pairs = [(v, which < j + 1.5) for j, v in enumerate(values[:-1])]
         return write.define(name, sp.Piecewise(*pairs, (values[-1], True), evaluate=False))
 
-    J = range(len(bank.columns))
+    J = range(len(bank.pushes))
+    Psi, column, offset, moves, more = _columns(write, bank, plant, of_named, anew, sized)
     now = sp.Matrix([s.symbol for s in z])
     cov = sp.Matrix(n + 1, n + 1, lambda i, k: V[min(i, k), max(i, k)].symbol)
+    rows, known = write.matrix("refined_rows", bank.C * Psi), write.matrix("known", bank.C * offset)
     for i, seen in enumerate(bank.whitened):
-        eta = of_named(f"named_eta[{i}]", [bank.signature[j][0][i] for j in J])
-        row = sp.Matrix([[*bank.rows[0][i, :], eta]])
+        eta = write.define(
+            f"named_eta[{i}]",
+            (bank.C[i, :] * column)[0] + of_named(f"jolt[{i}]", [bank.jolts[j][i] for j in J]),
+        )
+        row = sp.Matrix([[*rows[i, :], eta]])
         Vr = write.matrix(f"refined_{i}_Vr", cov * row.T)
         S = write.define(f"refined_{i}_S", 1 + (row * Vr)[0])
-        away = write.define(f"refined_{i}_away", (seen - (row * now)[0]) / S)
+        away = write.define(f"refined_{i}_away", (seen - known[i] - (row * now)[0]) / S)
         now = write.matrix(f"refined_{i}_z", now + Vr * away)
         entries = {(a, b): cov[a, b] - Vr[a] * Vr[b] / S for a, b in V}
         cov = write.symmetric(f"refined_{i}_V", n + 1, entries)
-    theta = write.define("theta", sp.Piecewise((first, anew > sp.S.Half), (now[n], True)))
+    bounds = [of_named(f"named_{k}", [_finite(b[k]) for b in limits]) for k in range(2)]
+    first = write.define("theta_first", within(first, *bounds))
+    amplitude = write.define("amplitude", sp.Piecewise((first, anew > sp.S.Half), (now[n], True)))
+    theta = write.define("theta", within(amplitude, *bounds))
     variance = write.define("theta_variance", sp.Piecewise((first**2, anew > sp.S.Half), (cov[n, n], True)))
 
     def begun(value: sp.Expr, start: sp.Expr) -> sp.Expr:
         return sp.Piecewise((start, anew > sp.S.Half), (value, True))
 
-    following = {"named": sp.Piecewise((which, told > sp.S.Half), (0, True))}
-    following |= {s.name: begun(now[i], sp.S.Zero) for i, s in enumerate(z[:n])} | {z[n].name: theta}
+    name = write.define("named_next", sp.Piecewise((which, told > sp.S.Half), (0, True)))
+    following = {"named": name}
+    following |= {s.name: begun(now[i], sp.S.Zero) for i, s in enumerate(z[:n])} | {z[n].name: amplitude}
     for (i, k), s in V.items():
         start = variance if i == k == n else evidence * after[i, k] if k < n else sp.S.Zero
         following[s.name] = begun(cov[i, k], start)
-    # d = Psi d0 + theta s since the alarm, before this tick's measurements
-    column = sp.Matrix([of_named(f"named_s[{i}]", [bank.columns[j][i] for j in J]) for i in range(n)])
-    begin = sp.Matrix([of_named(f"named_begun[{i}]", [bank.begun[0][j][i] for j in J]) for i in range(n)])
-    free = write.matrix("named_free", now[:n, :] - now[n] * begin)
-    moved = write.matrix("named_error", bank.Psi[0] * free + now[n] * column)
+    # d = Psi d0 + theta s + o since the estimate began, before this tick's measurements
+    moved = write.matrix("named_error", Psi * now[:n, :] + theta * column + offset)
     shift = bank.A * moved
-    return Refined((named, *z, *V.values()), following, theta, variance, shift)
+    return Refined((named, *z, *V.values(), *more), following | moves, theta, variance, shift)
+
+
+def _finite(bound: sp.Expr) -> sp.Expr:
+    return sp.Float(math.copysign(FAR, float(bound))) if bound.is_infinite else bound
+
+
+def _columns(
+    write: Equations,
+    bank: Bank,
+    plant: Sequence[Signal],
+    of_named: Callable[[str, Sequence[sp.Expr]], sp.Expr],
+    anew: sp.Expr,
+    sized: Mapping[int, Sized],
+) -> tuple[sp.Matrix, sp.Matrix, sp.Matrix, dict[str, sp.Expr], tuple[Signal, ...]]:
+    """Write Psi, the column s of the named candidate and the offset o, all since the estimate began.
+
+    Returns
+    -------
+    Psi, column, offset : sympy.Matrix
+        Before this tick.
+    next_values : dict of str to sympy.Expr
+    states : tuple of Signal
+    """
+    n, J = len(plant), range(len(bank.pushes))
+
+    def states(name: str, text: str) -> list[Signal]:
+        return [Signal(f"named_{name}[{i}]", p.unit, f"{text} of {p.name}") for i, p in enumerate(plant)]
+
+    def since(name: str, signals: Sequence[Signal], then: sp.Matrix, start: sp.Matrix) -> dict[str, sp.Expr]:
+        new = write.matrix(name, then)
+        return {
+            x.name: sp.Piecewise((a, anew > sp.S.Half), (b, True))
+            for x, a, b in zip(signals, start, new, strict=True)
+        }
+
+    def named(name: str, columns: Sequence[sp.Matrix]) -> sp.Matrix:
+        return sp.Matrix([of_named(f"{name}[{i}]", [c[i] for c in columns]) for i in range(n)])
+
+    zero = sp.zeros(n, 1)
+    s, o = (
+        states("s", "error by the named candidate"),
+        states("o", "known part of the error") if sized else [],
+    )
+    column, offset = sp.Matrix([x.symbol for x in s]), sp.Matrix([x.symbol for x in o]) if o else zero
+    pushes = [sized[j].slope if j in sized else bank.pushes[j] for j in J]
+    moves = since("named_s_next", s, bank.M * column + named("named_push", pushes), zero)
+    if sized:
+        left = named("named_left", [sized[j].left if j in sized else zero for j in J])
+        moves |= since("named_o_next", o, bank.M * offset + left, zero)
+    text = "transition of the error since the estimate began"
+    entries = [
+        Signal(f"named_Psi[{i},{k}]", f"({a.unit})/({b.unit})", text, start=float(i == k))
+        for i, a in enumerate(plant)
+        for k, b in enumerate(plant)
+    ]
+    Psi = sp.Matrix(n, n, [x.symbol for x in entries])
+    moves |= since("named_Psi_next", entries, bank.M * Psi, sp.eye(n))
+    return Psi, column, offset, moves, (*s, *o, *entries)

@@ -2,9 +2,14 @@
 
 Without a change the whitened innovations e are independent N(0, 1), and each test is a known linear function
 of them: ``b = sum of eta e`` with the signatures eta along a motion. So ``Z = b/J^(1/2)`` of candidate j,
-window w and tick k is N(0, 1), and exceeds the threshold h, ``g = Z^2 J/(J + J0) > h``, with probability
-``p_i = 2 Q((h (1 + J0/J))^(1/2))``, i = (j, w, k), Q the upper tail of the normal distribution (Q alone where
-theta has one sign). An alarm is followed by a reset: exceedances whose windows began before it belong to it,
+window w and tick k is N(0, 1). With I = J + J0 and theta between -L and U, ``g = 2 b theta - I theta^2`` at
+``theta = min(max(b/I, -L), U)`` exceeds the threshold h where b is above
+
+    (h I)^(1/2)           if (h/I)^(1/2) <= U, else
+    (h + U^2 I)/(2 U),
+
+or below minus the same of L. With Q the upper tail of the normal distribution the probability of both is p_i,
+i = (j, w, k). An alarm is followed by a reset: exceedances whose windows began before it belong to it,
 and a later one raises the next alarm. With N the number of exceedances that belong to an alarm, the rate of
 alarms over a time T is exactly
 
@@ -83,10 +88,29 @@ def floors(found: Signatures) -> Array:
     return FLOOR * found.information[:, w].mean(axis=0)
 
 
+def least_score(threshold: float, information: Array, bound: Array) -> Array:
+    """Return the least b at which a test exceeds the threshold, with theta between 0 and a bound.
+
+    Parameters
+    ----------
+    threshold : float
+        h.
+    information : ndarray, shape (..., J)
+        I = J + J0.
+    bound : ndarray, shape (J,)
+        U, not negative.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        free = np.sqrt(threshold * information)
+        held = (threshold + bound**2 * information) / (2.0 * bound)
+        return np.asarray(np.where(threshold <= bound**2 * information, free, held))
+
+
 def false_alarm_rate(
     found: Signatures,
     floor: Array,
-    signs: NDArray[np.int64],
+    lower: Array,
+    upper: Array,
     threshold: float,
     *,
     rest: int = 0,
@@ -98,8 +122,8 @@ def false_alarm_rate(
     Parameters
     ----------
     floor : ndarray, shape (J,)
-    signs : ndarray of int, shape (J,)
-        As :attr:`.Candidate.sign`.
+    lower, upper : ndarray, shape (J,)
+        Bounds of theta, ``lower <= 0 <= upper``.
     threshold : float
         h.
     rest : int, optional
@@ -111,17 +135,20 @@ def false_alarm_rate(
     begin, end = min(longest, K // 3), K - min(longest, K // 3)
     rng = np.random.default_rng(seed)
     info = found.information[begin:end]
+    # scores above `most[0]` and below `-most[1]` exceed the threshold
+    most = [least_score(threshold, found.information + floor, bound) for bound in (upper, np.abs(lower))]
     with np.errstate(divide="ignore"):
-        limit = np.sqrt(threshold * (1.0 + floor / info))
-    tails = np.where(signs == 0, 2.0, 1.0) * ndtr(-limit)
+        limit = np.stack([side[begin:end] / np.sqrt(info) for side in most])
+    tails = ndtr(-limit)
     total = float(tails.sum())
     if total == 0.0:
         return 0.0
     strata = (np.arange(draws) + rng.uniform(size=draws)) / draws
-    chosen = np.minimum(np.searchsorted(np.cumsum(tails.ravel()), strata * total), tails.size - 1)
-    k, w, j = np.unravel_index(chosen, tails.shape)
-    z = -ndtri(rng.uniform(size=draws) * ndtr(-limit[k, w, j]))
-    z *= np.where(signs[j] == 0, rng.choice([-1.0, 1.0], draws), signs[j])
+    cumulative = np.cumsum(tails.ravel())
+    chosen = np.searchsorted(cumulative, strata * cumulative[-1], side="right")
+    chosen = np.minimum(chosen, np.flatnonzero(tails)[-1])
+    side, k, w, j = np.unravel_index(chosen, tails.shape)
+    z = -ndtri(rng.uniform(size=draws) * tails[side, k, w, j]) * np.where(side == 0, 1.0, -1.0)
     noise = rng.standard_normal((draws, K, m), dtype=np.float32)
     for d in range(draws):
         tick = begin + int(k[d])
@@ -131,8 +158,6 @@ def false_alarm_rate(
         row = found.eta[ticks, slots, j[d]]
         row = row / np.sqrt((row**2).sum())
         noise[d, ticks] += (z[d] - (row * noise[d, ticks]).sum()) * row
-    least = np.sqrt(threshold * (found.information + floor))
-    most = [np.where(signs == other, np.inf, least) for other in (-1, 1)]
     count = _in_one_alarm(found, noise, most, begin + k, rest)
     return total / (end - begin) * float(np.mean(1.0 / np.maximum(count, 1.0)))
 
@@ -175,7 +200,7 @@ def _in_one_alarm(
 
 
 def threshold_for(
-    found: Signatures, floor: Array, signs: NDArray[np.int64], rate: float, *, rest: int = 0
+    found: Signatures, floor: Array, lower: Array, upper: Array, rate: float, *, rest: int = 0
 ) -> float:
     """Return the threshold with a rate of false alarms per tick.
 
@@ -185,7 +210,7 @@ def threshold_for(
     h, slope = 2.0 * np.log(0.1 * found.eta.shape[1] * found.eta.shape[2] / rate), -0.5
     before: tuple[float, float] | None = None
     for _ in range(5):
-        now = float(np.log(max(false_alarm_rate(found, floor, signs, h, rest=rest), 1e-300)))
+        now = float(np.log(max(false_alarm_rate(found, floor, lower, upper, h, rest=rest), 1e-300)))
         if before is not None and abs(h - before[0]) > 1e-9:
             slope = float(np.clip((now - before[1]) / (h - before[0]), -1.0, -0.2))
         step = (np.log(rate) - now) / slope
@@ -193,5 +218,5 @@ def threshold_for(
             break
         before, h = (h, now), h + step
     sets = range(1, SETS + 1)
-    mean = np.mean([false_alarm_rate(found, floor, signs, h, rest=rest, seed=s) for s in sets])
+    mean = np.mean([false_alarm_rate(found, floor, lower, upper, h, rest=rest, seed=s) for s in sets])
     return float(h + np.log(rate / mean) / slope)

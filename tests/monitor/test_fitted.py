@@ -1,0 +1,52 @@
+"""Coefficients that are fitted to a log: their standard errors widen the monitor's tests."""
+
+import numpy as np
+import pytest
+
+import hovercontrol as hc
+from hovercontrol.monitor.build import build
+from hovercontrol.monitor.feed import Feed
+
+PERIOD = 0.1
+
+
+def cart():
+    v, F = hc.Signal("v", "m/s"), hc.Signal("F", "N")
+    m, c = hc.Signal("m", "kg", start=2.0, lower=0.1), hc.Signal("c", "1/s", start=0.5, lower=0.0)
+    return hc.BlockModel(
+        hc.Block("cart", [v], [F], [v], [m, c], {"v": F.symbol / m.symbol - c.symbol * v.symbol})
+    )
+
+
+@pytest.fixture(scope="module")
+def log():
+    rng, n = np.random.default_rng(2), 600
+    F, v = 2.0 * np.sign(np.sin(0.3 * np.arange(n))), np.zeros(n)
+    keep = np.exp(-0.6 * PERIOD)
+    for k in range(n - 1):
+        v[k + 1] = keep * v[k] + (1 - keep) / 0.6 * F[k] / 1.8 + 0.01 * rng.normal()
+    return hc.Log("run", PERIOD * np.arange(n), {"v": v + 0.02 * rng.normal(size=n), "F": F})
+
+
+@pytest.mark.slow
+def test_standard_errors_of_a_fit_are_those_of_identify(log):
+    block = build(cart(), log, train=log, candidates=["c"], measured=["v"]).block
+    found = {c.name: c for c in hc.identify(cart(), [log]).coefficients}
+    for name in ("m", "c"):
+        assert block.parameter(f"start_std_{name}").start == pytest.approx(found[name].std)
+        assert f"estimate of {name}" in [s.description for s in block.states]
+
+
+def test_a_change_of_an_uncertain_coefficient_is_put_into_its_estimate():
+    block = hc.monitor(
+        cart(), ["c"], false_alarms_per_hour=1.0, period=PERIOD, measured=["v"],
+        process_noise={"v": 0.05}, measurement_noise={"v": 0.02}, coefficient_std={"c": 0.02},
+    )  # fmt: skip
+    feed, place = Feed(block), [s.description for s in block.states].index("estimate of c")
+    rows = [{"v": 0.01 * k, "F": 0.1} for k in range(4)]
+    list(feed.rows(0.0, rows[0]))
+    list(feed.rows(PERIOD, rows[1]))
+    before = float(feed._runner.state[place])
+    assert feed.adopt("c", 0.3) == 0.3
+    list(feed.rows(2 * PERIOD, rows[2]))
+    assert float(feed._runner.state[place]) == pytest.approx(before + 0.3, abs=0.02)
