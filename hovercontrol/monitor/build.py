@@ -122,4 +122,5 @@ def period_of(log: Log, channels: Sequence[str]) -> float:
         raise InputError(f"monitor: log {log.name!r} has too few rows: expected more than 10")
     step = float(np.median(steps))
     step = float(f"{step:.6g}")
-    return step * max(1, int(np.ceil(SHORTEST_PERIOD / step - 1e-6)))
+    # whole picoseconds, so that tick times are exact
+    return round(step * max(1, int(np.ceil(SHORTEST_PERIOD / step - 1e-6))), 12)
