@@ -8,6 +8,7 @@ import sympy as sp
 
 from hovercontrol.core.block import Block
 from hovercontrol.core.signals import time
+from hovercontrol.discrepancy.laws.grammar import same_form
 from hovercontrol.discrepancy.search.confirm import Rival
 from hovercontrol.effects import Effect
 from hovercontrol.estimation.fit import Fit
@@ -71,6 +72,39 @@ def inputs_of(e: Effect, block: Block, *, craft: bool) -> list[str]:
         return list(sent)
     changed = {n for n in own if way.thrusts[n] != own[n]} | ({"rudder"} if way.rudder != rudder else set())
     return [n for n in sent if n in changed]
+
+
+def of_one_form(model: Subject) -> list[tuple[str, ...]]:
+    """Return the effects of a model that have one form in different equations, as a force off the centre has.
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> craft = hc.vehicle("c17_simulation")
+    >>> found = [craft.effect_class(n)(-0.5) for n in ("law_r__abs_v__v", "law_v__abs_v__v", "law_v__cub_v")]
+    >>> of_one_form(craft.with_effects(found))
+    [('law_r__abs_v__v', 'law_v__abs_v__v')]
+    """
+    block = structure(model)
+    groups: list[tuple[sp.Expr, dict[str, str]]] = []
+    for e in (e for e in model.effects if type(e).kind() == "force" and "value" in e.numbers):
+        acting = _terms(block, model, e)
+        if len(acting) != 1:
+            continue
+        ((equation, term),) = acting.items()
+        alike = next((names for form, names in groups if same_form(form, term)), None)
+        if alike is None:
+            groups.append((term, {e.name: equation}))
+        else:
+            alike[e.name] = equation
+    return [tuple(names) for _, names in groups if len(set(names.values())) > 1]
+
+
+def _terms(block: Block, model: Subject, e: Effect) -> dict[str, sp.Expr]:
+    """Return what an effect adds to the equations of a Block, per coefficient, by state."""
+    own = block.parameter(e.parameter("value")).symbol
+    slopes = {n: block.expand(block.derivatives[n]) for n in model.motion}
+    return {n: sp.diff(slope, own) for n, slope in slopes.items() if own in slope.free_symbols}
 
 
 def acts_in(fit: Fit, name: str) -> str:

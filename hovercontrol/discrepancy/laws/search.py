@@ -18,7 +18,8 @@ in surge than in sway. Such a remainder is told from noise by its innovations
 gusts do, and likelihood decides as where only measurement noise is left. Where they are not, the held-out
 logs, on which the choice did not depend, must show the law by themselves (:func:`.searched.shown`), and it
 must take at least half (`criteria.most`) of the mean square of what is missing in its equation; else it is a
-lead.
+lead. A law with a memory always is one there: a filter of first order takes part of whatever answers a
+command, as of a load on a spring that is shaken by the thrust.
 """
 
 from __future__ import annotations
@@ -43,7 +44,7 @@ from hovercontrol.discrepancy.search.leads import Lead
 from hovercontrol.discrepancy.search.searched import shown
 from hovercontrol.discrepancy.search.select import select
 from hovercontrol.discrepancy.search.trace import Decision
-from hovercontrol.effects.law import is_law, law_text
+from hovercontrol.effects.law import FILTERED, MemoryLaw, is_law, law_text
 from hovercontrol.estimation.data import Data
 from hovercontrol.estimation.fit import Fit
 from hovercontrol.estimation.subject import Subject
@@ -83,7 +84,7 @@ def with_laws(
     rows = [] if trace is None else trace
     rule, least = "gain of the law on left-out blocks, at least", criteria.least
     rows.extend(Decision("score", s.name, rule, s.gain, least, s.gain >= least) for s in few)
-    beside = _in_own_equations(few, selection)
+    beside = in_own_equations(few, selection)
     taken = base.cost - selection.final.cost
     if not few or (few[0].gain < TRIALS.half * taken and not beside):
         return found
@@ -115,7 +116,7 @@ def with_laws(
     return replace(found, selection=replace(found.selection, leads=(*leads, *found.selection.leads)))
 
 
-def _in_own_equations(few: Sequence[LikelyLaw], selection: Selection) -> bool:
+def in_own_equations(few: Sequence[LikelyLaw], selection: Selection) -> bool:
     """Return whether a law acts in an equation in which nothing acts that is named, nor through a command."""
     acting = [acts_in(selection.final, n).split() for n in selection.effects]
     taken = {equation for where in acting for equation in where}
@@ -132,8 +133,13 @@ def _random(more: Selection, criteria: Criteria, rows: list[Decision]) -> bool:
 
 
 def _sound(again: HeldOut, name: str, base: Fit, criteria: Criteria) -> bool:
-    """Return whether a law beside something else is shown by held-out logs and takes most of its equation."""
+    """Return whether a law beside something else is shown by held-out logs and takes most of its equation.
+
+    A law with a memory is not: a filter of first order takes part of whatever answers a command.
+    """
     final = again.selection.final
+    if isinstance(final.model.effect(name), MemoryLaw):
+        return False
     equation = f"{final.model.effect(name).equation}'"
     share = next((r.share_explained for r in remainders(base, final) if r.equation == equation), 0.0)
     return share >= criteria.most and shown(again.evidence[name], criteria)
@@ -173,9 +179,9 @@ def _without_beaten(found: HeldOut, more: Selection) -> HeldOut:
 def _unshown(own: Evidence, name: str) -> Lead:
     """Return a law that the held-out logs do not show by themselves, as one that is not named."""
     gain = own.gained.gain if own.gained else 0.0
-    reason = (
-        f"more is missing than this law, and held-out logs do not show it by themselves (gain {gain:.3g})"
-    )
+    told = "held-out logs do not show it by themselves"
+    told = "a memory is named only where what it leaves is noise" if f"{FILTERED}_" in name else told
+    reason = f"more is missing than this law, and {told} (gain {gain:.3g})"
     return Lead(name, own.gain, own.blocks.t, reason, own.blocks.n)
 
 

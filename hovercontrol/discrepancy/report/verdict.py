@@ -10,6 +10,7 @@ from hovercontrol.core.boundary import checked
 from hovercontrol.discrepancy.criteria import CRITERIA
 from hovercontrol.discrepancy.evidence.holdout import Ahead, Gained, ahead
 from hovercontrol.discrepancy.evidence.laws import regime
+from hovercontrol.discrepancy.places import of_one_form
 from hovercontrol.discrepancy.report import pictures
 from hovercontrol.discrepancy.report.context import Context, held_out_words, numbers_by_effect
 from hovercontrol.discrepancy.report.formatting import (
@@ -231,6 +232,7 @@ def verdict(m: Context) -> str:
     d = m.diagnosis
     said = [_explained(d.amended.effect(n)) for n in numbers_by_effect(d)]
     said += [_explained(r.fit.model.effect(r.name)) for r in d.rivals if not r.same]
+    said += _in_several_equations(d)
     if d.verdict == "none":
         said.append(
             "With its coefficients fitted again, the model explains these logs down to the noise of their "
@@ -247,6 +249,17 @@ def verdict(m: Context) -> str:
         explained=said,
         **_bars(m),
     )
+
+
+def _in_several_equations(d: Diagnosis) -> list[str]:
+    """Return a sentence for each form that named effects have in several equations."""
+    named = numbers_by_effect(d)
+    groups = (g for g in of_one_form(d.amended) if all(n in named for n in g))
+    return [
+        f"{listed([effect_words(n) for n in g])}: one form in {len(g)} equations, as of one force that does "
+        "not act at the centre of mass."
+        for g in groups
+    ]
 
 
 def _explained(e: Effect) -> str:
