@@ -119,14 +119,15 @@ class Unknowns:
                 continue
             own = [j for j, u in enumerate(self.every) if u.log == k]
             key = (k, values[[*fmu, *own]].tobytes())
+            grid, inputs, places = plant.fine(rows.time, rows.inputs)
             raw = self._kept.get(key)
             if raw is None:
                 states = values[own].tolist() if self.plant.free_start else None
-                raw = plant.raw(rows.time, rows.inputs, states)
+                raw = plant.raw(grid, inputs, states, (len(grid) - 1) // (len(rows.time) - 1))
                 if len(self._kept) > 2 * len(self.logs):
                     self._kept.clear()
                 self._kept[key] = raw
-            found.append(plant.seen(rows.time, raw)[:, list(rows.places)])
+            found.append(plant.seen(grid, raw)[places][:, list(rows.places)])
         return found
 
     def slopes(self, values: Array, base: Sequence[Array]) -> list[Array]:
