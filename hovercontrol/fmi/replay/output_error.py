@@ -24,6 +24,7 @@ from hovercontrol.errors import InputError
 from hovercontrol.fmi.replay.plant import FmuPlant
 from hovercontrol.fmi.replay.rows import Rows
 from hovercontrol.fmi.replay.runs import RunFailed
+from hovercontrol.fmi.replay.smoothed import smoothed
 from hovercontrol.fmi.replay.unknowns import Unknowns
 from hovercontrol.fmi.replay.whitening import Whitening, whitening_of
 
@@ -42,6 +43,8 @@ PASSES = 3
 CONVERGED = 1e-7
 #: Halving of steps until they must reach this difference of outputs, over their spread.
 ACCURACY, MOST_PIECES = 1e-5, 256
+#: How far rows may lie from the fixed steps of an FMU, in steps.
+BETWEEN = 1e-6
 #: Blocks over which scores scatter.
 BLOCKS = 20
 #: Level at which a larger scatter of the scores is chance.
@@ -133,13 +136,19 @@ def refine(unknowns: Unknowns, values: Array, iterations: int) -> FmuFit:
         if not any(white.orders) and np.allclose(values, before, rtol=1e-6, atol=1e-12):
             break
     white = _white(unknowns, values)
+    if unknowns.rough:
+        values, C, J = _smoothed(unknowns, values, white)
+        white = _white(unknowns, values)
     base = unknowns.predict(values)
     residuals = _residuals(unknowns, base)
-    J = [
-        white.apply(s, np.isfinite(r)) for s, r in zip(unknowns.slopes(values, base), residuals, strict=True)
-    ]
+    if not unknowns.rough:
+        slopes = unknowns.slopes(values, base)
+        J = [white.apply(s, np.isfinite(r)) for s, r in zip(slopes, residuals, strict=True)]
     w = [white.apply(r, np.isfinite(r)) for r in residuals]
-    S = np.sum([np.einsum("kci,kcj->ij", a, a) for a in J], axis=0)
+    if unknowns.rough:
+        S: Array = np.linalg.pinv(C, rcond=1e-12, hermitian=True).astype(float)
+    else:
+        S = np.sum([np.einsum("kci,kcj->ij", a, a) for a in J], axis=0)
     return FmuFit(unknowns, values, S, _widening(J, w, S, white), white, tuple(residuals), converged)
 
 
@@ -192,8 +201,16 @@ def accurate(plant: FmuPlant, logs: Sequence[Rows]) -> FmuPlant:
     Raises
     ------
     InputError
-        If the FMU cannot be run with its present values.
+        If the FMU cannot be run with its present values, or rows lie between its fixed steps.
     """
+    if (fixed := plant.interface.fixed_step) is not None:
+        for one in logs:
+            steps = np.diff(one.time) / fixed
+            if (np.abs(steps - np.maximum(np.round(steps), 1.0)) > BETWEEN).any():
+                raise InputError(
+                    f"{one.name}: expected rows that are multiples of {fixed:.9g} s apart, the fixed step of "
+                    f"FMU {plant.name!r}; found {float(np.median(np.diff(one.time))):.9g} s"
+                )
     rows = max(logs, key=lambda r: len(r.time)).head(0.2)
     pieces = plant.pieces_of(rows.time)
     if plant.interface.kind != "ModelExchange":
@@ -245,6 +262,20 @@ def _normal(
         J, w = white.apply(slope, seen).reshape(-1, n), white.apply(r, seen).ravel()
         g, S = g + J.T @ w, S + J.T @ J
     return g, S
+
+
+def _smoothed(unknowns: Unknowns, values: Array, white: Whitening) -> tuple[Array, Array, list[Array]]:
+    """Return the estimate, its covariance and J of each log, where outputs jump as an unknown changes."""
+    shapes = [rows.values.shape for rows in unknowns.logs]
+
+    def whitened(at: Array) -> Array:
+        found = _residuals(unknowns, unknowns.predict(at))
+        return np.concatenate([white.apply(r, np.isfinite(r)).ravel() for r in found])
+
+    S = _normal(unknowns, values, unknowns.predict(values), white)[1]
+    values, C, J = smoothed(unknowns, values, S, whitened)
+    parts = np.split(J, np.cumsum([math.prod(s) for s in shapes])[:-1])
+    return values, C, [a.reshape(*s, -1) for a, s in zip(parts, shapes, strict=True)]
 
 
 def _widening(J: Sequence[Array], w: Sequence[Array], S: Array, white: Whitening) -> Array:
