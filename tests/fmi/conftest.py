@@ -10,6 +10,7 @@ from hovercontrol.fmi import load
 from hovercontrol.targets.compiler import NoCompilerError, find_compiler
 
 from .probe import compile_probe, write_fmu
+from .written import written_fmu
 
 
 @pytest.fixture(scope="session")
@@ -40,6 +41,19 @@ def fmu(library, tmp_path):
         return write_fmu(tmp_path / f"probe{len(list(tmp_path.iterdir()))}.fmu", library, fmi, **described)
 
     return make
+
+
+@pytest.fixture(scope="session")
+def written(compiler, tmp_path_factory):
+    """Return a function that gives the file of an FMU written by hand in C."""
+    made = {}
+
+    def get(name):
+        if name not in made:
+            made[name] = written_fmu(name, tmp_path_factory.mktemp(name))
+        return made[name]
+
+    return get
 
 
 @pytest.fixture

@@ -272,6 +272,8 @@ class FmuPlant:
         pieces = self.pieces_of(time)
         if self.interface.kind == "ModelExchange":
             return FINE_AFTER
+        if self.interface.fixed_step is not None:
+            return 1
         return next(n for n in range(FINE_AFTER, 0, -1) if pieces % n == 0)
 
     def at(self, time: Array, inputs: Array, states: Sequence[float] | None) -> Array:
