@@ -24,6 +24,7 @@ from hovercontrol.errors import InputError
 from hovercontrol.fmi.replay.plant import FmuPlant
 from hovercontrol.fmi.replay.rows import Rows
 from hovercontrol.fmi.replay.runs import RunFailed
+from hovercontrol.fmi.replay.smoothed import smoothed
 from hovercontrol.fmi.replay.unknowns import Unknowns
 from hovercontrol.fmi.replay.whitening import Whitening, whitening_of
 
@@ -42,6 +43,8 @@ PASSES = 3
 CONVERGED = 1e-7
 #: Halving of steps until they must reach this difference of outputs, over their spread.
 ACCURACY, MOST_PIECES = 1e-5, 256
+#: How far rows may lie from the fixed steps of an FMU, in steps.
+BETWEEN = 1e-6
 #: Blocks of all logs together, over which scores, sizes and gains scatter.
 BLOCKS = 20
 #: Level at which a larger scatter of the scores is chance.
@@ -56,6 +59,8 @@ class FmuFit:
     ----------
     unknowns : Unknowns
     values : ndarray, shape (P,)
+    information : ndarray, shape (P, P)
+        J'J of all logs; where outputs jump as an unknown changes, the inverse of the covariance.
     S : ndarray, shape (W, P, P)
         J'J of each block of the logs.
     g : ndarray, shape (W, P)
@@ -74,6 +79,7 @@ class FmuFit:
 
     unknowns: Unknowns
     values: Array
+    information: Array
     S: Array
     g: Array
     block_costs: Array
@@ -87,11 +93,6 @@ class FmuFit:
     def model(self) -> FmuPlant:
         """The model with the estimates."""
         return self.unknowns.model(self.values)
-
-    @property
-    def information(self) -> Array:
-        """J'J of all logs, shape (P, P)."""
-        return np.asarray(self.S.sum(axis=0))
 
     @property
     def p(self) -> Array:
@@ -151,11 +152,14 @@ def refine(unknowns: Unknowns, values: Array, iterations: int) -> FmuFit:
         if not any(white.orders) and np.allclose(values, before, rtol=1e-6, atol=1e-12):
             break
     white = _white(unknowns, values)
+    if unknowns.rough:
+        values, C, J = _smoothed(unknowns, values, white)
+        white = _white(unknowns, values)
     base = unknowns.predict(values)
     residuals = _residuals(unknowns, base)
-    J = [
-        white.apply(s, np.isfinite(r)) for s, r in zip(unknowns.slopes(values, base), residuals, strict=True)
-    ]
+    if not unknowns.rough:
+        slopes = unknowns.slopes(values, base)
+        J = [white.apply(s, np.isfinite(r)) for s, r in zip(slopes, residuals, strict=True)]
     w = [white.apply(r, np.isfinite(r)) for r in residuals]
     parts = _blocks([len(a) for a in J])
     S = np.array([np.einsum("kci,kcj->ij", J[k][rows], J[k][rows]) for k, rows in parts])
@@ -167,8 +171,13 @@ def refine(unknowns: Unknowns, values: Array, iterations: int) -> FmuFit:
         for k, rows in parts
     ]
     log = np.array([k for k, _ in parts], dtype=np.intp)
-    widen = _widening(S, g, white)
-    return FmuFit(unknowns, values, S, g, np.array(costs), log, widen, white, tuple(residuals), converged)
+    information = np.asarray(S.sum(axis=0))
+    if unknowns.rough:
+        information = np.linalg.pinv(C, rcond=1e-12, hermitian=True).astype(float)
+    widen = _widening(information, g, white)
+    return FmuFit(
+        unknowns, values, information, S, g, np.array(costs), log, widen, white, tuple(residuals), converged
+    )
 
 
 def _blocks(lengths: Sequence[int]) -> list[tuple[int, NDArray[np.intp]]]:
@@ -232,8 +241,16 @@ def accurate(plant: FmuPlant, logs: Sequence[Rows]) -> FmuPlant:
     Raises
     ------
     InputError
-        If the FMU cannot be run with its present values.
+        If the FMU cannot be run with its present values, or rows lie between its fixed steps.
     """
+    if (fixed := plant.interface.fixed_step) is not None:
+        for one in logs:
+            steps = np.diff(one.time) / fixed
+            if (np.abs(steps - np.maximum(np.round(steps), 1.0)) > BETWEEN).any():
+                raise InputError(
+                    f"{one.name}: expected rows that are multiples of {fixed:.9g} s apart, the fixed step of "
+                    f"FMU {plant.name!r}; found {float(np.median(np.diff(one.time))):.9g} s"
+                )
     rows = max(logs, key=lambda r: len(r.time)).head(0.2)
     pieces = plant.pieces_of(rows.time)
     if plant.interface.kind != "ModelExchange":
@@ -288,7 +305,21 @@ def _normal(
     return g, S
 
 
-def _widening(S: Array, g: Array, white: Whitening) -> Array:
+def _smoothed(unknowns: Unknowns, values: Array, white: Whitening) -> tuple[Array, Array, list[Array]]:
+    """Return the estimate, its covariance and J of each log, where outputs jump as an unknown changes."""
+    shapes = [rows.values.shape for rows in unknowns.logs]
+
+    def whitened(at: Array) -> Array:
+        found = _residuals(unknowns, unknowns.predict(at))
+        return np.concatenate([white.apply(r, np.isfinite(r)).ravel() for r in found])
+
+    S = _normal(unknowns, values, unknowns.predict(values), white)[1]
+    values, C, J = smoothed(unknowns, values, S, whitened)
+    parts = np.split(J, np.cumsum([math.prod(s) for s in shapes])[:-1])
+    return values, C, [a.reshape(*s, -1) for a, s in zip(parts, shapes, strict=True)]
+
+
+def _widening(information: Array, g: Array, white: Whitening) -> Array:
     """Return the factors by which scatter of the scores widens the standard errors.
 
     With g_b the score of one of B blocks: ``V = S^-1 (sum of g_b g_b') S^-1 B/(B - 1)``, the factor is
@@ -297,7 +328,7 @@ def _widening(S: Array, g: Array, white: Whitening) -> Array:
     B, P = g.shape
     if not P or not any(white.orders) or B < 4:
         return np.ones(P)
-    C = np.linalg.pinv(S.sum(axis=0), rcond=1e-12, hermitian=True)
+    C = np.linalg.pinv(information, rcond=1e-12, hermitian=True)
     V = C @ (g.T @ g) @ C * B / (B - 1)
     ratio = np.diag(V) / np.maximum(np.diag(C), 1e-300)
     most = float(chi2.ppf(CHANCE, B - 1)) / (B - 1)

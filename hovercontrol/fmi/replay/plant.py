@@ -36,6 +36,10 @@ STEP = 0.01
 #: Parts of the time between two rows in which an input that is lagged before a Model Exchange FMU is held.
 FINE = 12
 
+#: Parts of that time in which the outputs are computed where a lag follows them: between two values an output
+#: is taken as linear, so a lag T errs by (h/T)^2/12 of the rise for values h apart.
+FINE_AFTER = 3
+
 
 @dataclass(frozen=True)
 class Parameter:
@@ -244,7 +248,46 @@ class FmuPlant:
             step = fixed
         return max(1, math.ceil(longest / step - 1e-6))
 
-    def raw(self, time: Array, inputs: Array, states: Sequence[float] | None) -> Array:
+    def fine(self, time: Array, inputs: Array) -> tuple[Array, Array, NDArray[np.intp]]:
+        """Return times and inputs at which the outputs are computed, and the places of the rows among them.
+
+        Where an effect after the FMU has states, there are times between the rows. Of Co-Simulation only
+        those at which a step ends.
+
+        Parameters
+        ----------
+        time : ndarray, shape (K,)
+            [s]
+        inputs : ndarray, shape (K, n_inputs)
+            Held from row to row.
+        """
+        parts, after = self._parts(time), structure(self.around)[1]
+        if parts == 1 or after is None or not after.states:
+            return time, inputs, np.arange(len(time))
+        places = parts * np.arange(len(time))
+        grid = np.interp(np.arange(places[-1] + 1), places, time)
+        return grid, np.repeat(inputs, parts, axis=0)[: len(grid)], places
+
+    def _parts(self, time: Array) -> int:
+        pieces = self.pieces_of(time)
+        if self.interface.kind == "ModelExchange":
+            return FINE_AFTER
+        if self.interface.fixed_step is not None:
+            return 1
+        return next(n for n in range(FINE_AFTER, 0, -1) if pieces % n == 0)
+
+    def at(self, time: Array, inputs: Array, states: Sequence[float] | None) -> Array:
+        """Return the measured outputs, and the states, at the rows; arguments as of :meth:`raw`.
+
+        Raises
+        ------
+        RunFailed
+        """
+        grid, u, places = self.fine(time, inputs)
+        parts = (len(grid) - 1) // max(len(time) - 1, 1)
+        return np.asarray(self.seen(grid, self.raw(grid, u, states, parts))[places])
+
+    def raw(self, time: Array, inputs: Array, states: Sequence[float] | None, parts: int = 1) -> Array:
         """Return the FMU's outputs and states at the rows, before the effects after it.
 
         Parameters
@@ -255,6 +298,8 @@ class FmuPlant:
             As they are given; held from row to row.
         states : sequence of float, optional
             Continuous states at the first row; None: the FMU's.
+        parts : int, optional
+            Parts into which each interval was divided: there are as many fewer steps in each.
 
         Raises
         ------
@@ -263,7 +308,8 @@ class FmuPlant:
         """
         before, _, added = structure(self.around)
         numbers = [self._numbers(block) for _, block in added.blocks] if added else []
-        grid, u, places, pieces = time, inputs, np.arange(len(time)), self.pieces_of(time)
+        grid, u, places = time, inputs, np.arange(len(time))
+        pieces = math.ceil((self.pieces or parts * self.pieces_of(time)) / parts)
         if before is not None and self.interface.kind == "ModelExchange":
             grid, u, places = driven(before, self._numbers(before), time, inputs, FINE)
             pieces = max(1, math.ceil(pieces / FINE)) if before.states else pieces

@@ -7,6 +7,7 @@
    in which an event indicator changes its sign, or at which a time event is due.
    Co-Simulation: fmi2DoStep or fmi3DoStep. */
 
+#include <math.h>
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -39,7 +40,8 @@ typedef struct {
     const uint32_t *input_references, *output_references;
     size_t input_count, output_count;
     long rows, pieces;
-    double next; /* time of the next time event */
+    double fixed; /* step that steps must be multiples of, or 0 */
+    double next;  /* time of the next time event */
     const double *time, *u; /* rows; rows x inputs, held from row to row */
     double *x, *y;          /* rows x states; rows x outputs */
     double *state;          /* the states at the place reached */
@@ -146,8 +148,10 @@ EXPORT int hc_replay_steps(hc_replay *r)
         CALL(3, set_inputs(r, r->row));
         CALL(5, get_outputs(r, r->row));
         if (r->row + 1 == r->rows) break;
-        const double from = r->time[r->row], h = (r->time[r->row + 1] - from) / (double)r->pieces;
-        for (long k = 0; k < r->pieces; k++) {
+        const double from = r->time[r->row], length = r->time[r->row + 1] - from;
+        const long pieces = r->fixed > 0.0 ? (long)floor(length / r->fixed + 0.5) : r->pieces;
+        const double h = length / (double)(pieces ? pieces : 1);
+        for (long k = 0; k < pieces; k++) {
             const double t = from + (double)k * h;
             r->reached = t;
             if (r->step2) {

@@ -54,7 +54,7 @@ class _Job(ctypes.Structure):
         *((name, ctypes.c_void_p) for name in ("input_references", "output_references")),
         *((name, ctypes.c_size_t) for name in ("input_count", "output_count")),
         *((name, ctypes.c_long) for name in ("rows", "pieces")),
-        ("next", ctypes.c_double),
+        *((name, ctypes.c_double) for name in ("fixed", "next")),
         *((name, ctypes.c_void_p) for name in ("time", "u", "x", "y", "state")),
         *((name, ctypes.c_long) for name in ("row", "piece", "status", "what")),
         ("reached", ctypes.c_double),
@@ -154,8 +154,11 @@ class Replayer:
             return
         for k, t in enumerate(time.tolist()):
             y[k] = engine.outputs(u[k].tolist())
-            h = (time[k + 1] - t) / pieces if k + 1 < len(time) else 0.0
-            for i in range(pieces if h else 0):
+            length = float(time[k + 1]) - t if k + 1 < len(time) else 0.0
+            fixed = self._interface.fixed_step
+            count = math.floor(length / fixed + 0.5) if fixed else pieces if length else 0
+            h = length / max(count, 1)
+            for i in range(count):
                 try:
                     engine.step(t + i * h, h, u[k].tolist())
                 except RunEnded:
@@ -198,6 +201,7 @@ class Replayer:
             output_count=n_out.value,
             rows=len(time),
             pieces=pieces,
+            fixed=interface.fixed_step or 0.0,
             next=math.inf,
             time=time.ctypes.data,
             u=u.ctypes.data,

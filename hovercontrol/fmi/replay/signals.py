@@ -21,6 +21,8 @@ Array = NDArray[np.float64]
 #: The settling before the first row: number of steps, and ratio of each to the one before. The first is a
 #: mean time between rows; 48 steps are 29 000 of these.
 SETTLING, GROWTH = 48, 1.2
+#: Parts of an interval over which the mean of a signal that is linear in it is held.
+PARTS = 4
 
 
 def through(block: Block, parameters: Sequence[float], time: Array, u: Array, *, held: bool) -> Array:
@@ -42,7 +44,7 @@ def through(block: Block, parameters: Sequence[float], time: Array, u: Array, *,
     block = _prompt(block)
     if late:
         u = held_late(time, u, late) if held else interpolated_late(time, u, late)
-    x = _states(block, time, u if held else _means(u), parameters)
+    x = _states(block, time, u, parameters) if held else _between(block, time, u, parameters)
     with np.errstate(all="ignore"):
         found = block.to_numpy().array_outputs(time, x, u.T, parameters)
     return np.stack([np.broadcast_to(y, time.shape) for y in found], axis=1).astype(float)
@@ -126,6 +128,17 @@ def interpolated_late(time: Array, y: Array, late: float) -> Array:
     return np.stack([np.interp(time - late, time, column) for column in y.T], axis=1)
 
 
+def _between(block: Block, time: Array, u: Array, parameters: Sequence[float]) -> Array:
+    """Return the states at the rows for inputs that are linear in between: held over short parts."""
+    if not block.states or len(time) < 2:
+        return _states(block, time, u, parameters)
+    rows = np.arange(len(time))
+    at = np.arange(PARTS * rows[-1] + 1) / PARTS
+    inputs = np.stack([np.interp(at, rows, column) for column in u.T], axis=1)
+    found = _states(block, np.interp(at, rows, time), _means(inputs), parameters, u[0])
+    return found[:, ::PARTS]
+
+
 def _means(u: Array) -> Array:
     """Return the mean of interpolated inputs over the interval after each row."""
     return np.asarray(0.5 * (u + np.vstack([u[1:], u[-1:]])))
@@ -136,8 +149,10 @@ def _prompt(block: Block) -> Block:
     return undelayed(block) if block.delays else block
 
 
-def _states(block: Block, time: Array, u: Array, parameters: Sequence[float]) -> Array:
-    """Return the states at the rows, shape (n_states, K)."""
+def _states(
+    block: Block, time: Array, u: Array, parameters: Sequence[float], first: Array | None = None
+) -> Array:
+    """Return the states at the rows, shape (n_states, K); before the first row the inputs were `first`."""
     n, K = len(block.states), len(time)
     if not n or K < 2:
         return np.zeros((n, K))
@@ -145,7 +160,9 @@ def _states(block: Block, time: Array, u: Array, parameters: Sequence[float]) ->
     settle = mean * GROWTH ** np.arange(SETTLING)
     step = np.concatenate([settle, np.diff(time)])[:, None]
     begin = np.concatenate([np.full(SETTLING, time[0]), time[:-1]])[:, None]
-    inputs = np.concatenate([np.repeat(u[:1], SETTLING, axis=0), u[:-1]]).T[:, :, None]
+    inputs = np.concatenate([np.repeat(u[:1] if first is None else first[None], SETTLING, axis=0), u[:-1]]).T[
+        :, :, None
+    ]
     empty = np.zeros((n, len(step), 1))
     values = follow(block, list(range(n)), begin, step, empty, inputs, parameters)
     return np.asarray(values[:, SETTLING:, 0])

@@ -210,8 +210,7 @@ def run_over(plant: FmuPlant, drive: Drive, states: list[float] | None) -> Array
     """
     nothing = np.zeros((len(drive.time), 0))
     time, inputs, _ = filled(drive.time, drive.inputs, nothing)
-    found = plant.seen(time, plant.raw(time, inputs, states))
-    return np.asarray(found[np.searchsorted(time, drive.time)])
+    return np.asarray(plant.at(time, inputs, states)[np.searchsorted(time, drive.time)])
 
 
 def _matched(plant: FmuPlant, commands: Log | None) -> list[float] | None:

@@ -19,6 +19,9 @@ Array = NDArray[np.float64]
 #: Relative step of differences: of an FMU that our steps integrate, and of one with its own solver, whose
 #: tolerance makes its outputs rough.
 STEPS = {"ModelExchange": 1e-6, "CoSimulation": 1e-4}
+#: The same where outputs jump as an unknown changes: where slopes over the one and the other step differ by
+#: more than this part of their size.
+ROUGH_STEP, ROUGH = 1e-2, 0.1
 
 
 @dataclass(frozen=True)
@@ -69,6 +72,12 @@ class Unknowns:
         self.size = np.array([u.size for u in self.every])
         self.of_model = tuple(j for j, u in enumerate(self.every) if u.log < 0)
         self._kept: dict[tuple[int, bytes], Array] = {}
+        self._rough: dict[int, bool] = {}
+
+    @property
+    def rough(self) -> bool:
+        """Whether outputs jump as an unknown changes; found by :meth:`slopes`."""
+        return any(self._rough.values())
 
     def head(self, share: float) -> Unknowns:
         """Return the same unknowns over the first part of each log."""
@@ -119,40 +128,64 @@ class Unknowns:
                 continue
             own = [j for j, u in enumerate(self.every) if u.log == k]
             key = (k, values[[*fmu, *own]].tobytes())
+            grid, inputs, places = plant.fine(rows.time, rows.inputs)
             raw = self._kept.get(key)
             if raw is None:
                 states = values[own].tolist() if self.plant.free_start else None
-                raw = plant.raw(rows.time, rows.inputs, states)
+                raw = plant.raw(grid, inputs, states, (len(grid) - 1) // (len(rows.time) - 1))
                 if len(self._kept) > 2 * len(self.logs):
                     self._kept.clear()
                 self._kept[key] = raw
-            found.append(plant.seen(rows.time, raw)[:, list(rows.places)])
+            found.append(plant.seen(grid, raw)[places][:, list(rows.places)])
         return found
 
     def slopes(self, values: Array, base: Sequence[Array]) -> list[Array]:
         """Return the sensitivities of :meth:`predict` by one-sided differences, (K, C, P) of each log.
 
         A step that the FMU refuses is tried in the other direction; where it refuses both, the column is
-        zero: nothing is known of that unknown.
+        zero: nothing is known of that unknown. Steps are longer where outputs jump as an unknown changes.
         """
-        relative = STEPS[self.plant.interface.kind]
+        usual = STEPS[self.plant.interface.kind]
         found = [np.zeros((*y.shape, len(values))) for y in base]
         for j, u in enumerate(self.every):
-            only = u.log if u.log >= 0 else None
-            for sign in (1.0, -1.0):
-                h = sign * relative * max(abs(values[j]), 0.1 * self.size[j])
-                if not self.lower[j] <= values[j] + h <= self.upper[j]:
-                    continue
-                moved = values.copy()
-                moved[j] += h
-                try:
-                    there = self.predict(moved, only)
-                except RunFailed:
-                    continue
-                for k, y in zip([only] if only is not None else range(len(base)), there, strict=True):
-                    found[k][..., j] = (y - base[k]) / h
-                break
+            column = self._column(values, base, j, ROUGH_STEP if self._rough.get(j) else usual)
+            if self._jumps and j not in self._rough and u.place in ("fmu", "before"):
+                wide = self._column(values, base, j, ROUGH_STEP)
+                self._rough[j] = _differ(column, wide)
+                column = wide if self._rough[j] else column
+            for k, slope in column.items():
+                found[k][..., j] = slope
         return found
+
+    @property
+    def _jumps(self) -> bool:
+        """Whether the FMU's own solver may take events at its steps."""
+        return self.plant.interface.kind == "CoSimulation"
+
+    def _column(self, values: Array, base: Sequence[Array], j: int, relative: float) -> dict[int, Array]:
+        """Return the slopes of the outputs of each log with one unknown."""
+        u = self.every[j]
+        only = u.log if u.log >= 0 else None
+        for sign in (1.0, -1.0):
+            h = sign * relative * max(abs(values[j]), 0.1 * self.size[j])
+            if not self.lower[j] <= values[j] + h <= self.upper[j]:
+                continue
+            moved = values.copy()
+            moved[j] += h
+            try:
+                there = self.predict(moved, only)
+            except RunFailed:
+                continue
+            logs = [only] if only is not None else range(len(base))
+            return {k: (y - base[k]) / h for k, y in zip(logs, there, strict=True)}
+        return {}
+
+
+def _differ(one: dict[int, Array], other: dict[int, Array]) -> bool:
+    """Return whether slopes over two steps differ by more than `ROUGH`."""
+    pairs = [(one[k], other[k]) for k in one.keys() & other.keys()]
+    apart = sum(float(((a - b) ** 2).sum()) for a, b in pairs)
+    return apart > ROUGH**2 * sum(float((b**2).sum()) for _, b in pairs)
 
 
 def _of_fmu(plant: FmuPlant) -> list[Unknown]:
