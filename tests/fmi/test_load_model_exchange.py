@@ -168,3 +168,39 @@ def test_findings_are_a_warning_where_they_are_tolerated(fmu):
         warnings.simplefilter("always")
         load(path, strict=False).close()
     assert any("breaks FMI 2.0" in str(w.message) for w in caught)
+
+
+def differences(system, x, u, h=1e-5):
+    """A and C by central differences of python-control's own functions."""
+    columns = []
+    for e in np.eye(system.nstates):
+        ends = [np.concatenate([system.dynamics(0.0, x + s * h * e, u), system.output(0.0, x + s * h * e, u)])
+                for s in (1.0, -1.0)]  # fmt: skip
+        columns.append((ends[0] - ends[1]) / (2.0 * h))
+    table = np.array(columns).T
+    return table[: system.nstates], table[system.nstates :]
+
+
+@pytest.mark.parametrize("name", ["van_der_pol", "bouncing_ball", "dahlquist"])
+def test_fmus_of_other_hands_are_linearised(written, name):
+    """One gives directional derivatives, one has events; by hand A is known too."""
+    by_hand = {
+        "van_der_pol": lambda x: [[0.0, 1.0], [-2.0 * x[0] * x[1] - 1.0, 1.0 - x[0] ** 2]],
+        "bouncing_ball": lambda x: [[0.0, 1.0], [0.0, 0.0]],
+        "dahlquist": lambda x: [[-1.0]],
+    }
+    with load(written(name), kind="ModelExchange") as system:
+        rng = np.random.default_rng(1)
+        for _ in range(5):
+            x, u = rng.uniform(0.2, 1.5, system.nstates), np.zeros(system.ninputs)
+            found = ct.linearize(system, x, u)
+            A, C = differences(system, x, u)
+            assert np.abs(found.A - A).max() < 1e-7 and np.abs(found.C - C).max() < 1e-7
+            assert np.abs(found.A - by_hand[name](x)).max() < 1e-7
+
+
+def test_an_operating_point_of_an_fmu_of_another_hand(written):
+    """x' = u - k x with k = 1: at rest with u = 0.7 the state is 0.7."""
+    with load(written("dahlquist"), kind="ModelExchange") as system:
+        x, _ = ct.find_operating_point(system, [0.0], [0.7])
+    assert x == pytest.approx(0.7, abs=1e-7)
