@@ -140,8 +140,9 @@ def runner_of(functions: JaxFunctions, solver: Solver, record: str) -> Callable[
                 u = tuple(now.u)
                 return move(now.t, now.h, ticked(now.t, x, u, p, now.due), u, p), None
 
-            # a gradient keeps the states before each step and computes the step again
-            after, _ = jax.lax.scan(jax.checkpoint(step), x, rest)
+            # A gradient keeps the states before each step and computes the step again. Within a scan XLA
+            # cannot merge the two computations, so the barrier against that (prevent_cse) is not needed.
+            after, _ = jax.lax.scan(jax.checkpoint(step, prevent_cse=False), x, rest)
             return after, kept(first, x)
 
         def kept(at: Plan, x: State) -> State:

@@ -8,6 +8,7 @@ import hovercontrol as hc
 from hovercontrol.commands.exportable import choose
 from hovercontrol.core.random_numbers import random_numbers
 from hovercontrol.scenarios import load_scenario, scenario_names
+from tests.targets import designed
 
 ca = pytest.importorskip("casadi")
 
@@ -15,22 +16,24 @@ LAWS = [n for n in scenario_names() if load_scenario(n).controller is not None]
 PARTS = ["force_command", "rudder_lookup", "thrust_lookup", "variable_pitch", "imu", "table1:estimator"]
 
 
-def points(block, n=100):
+def points(block, n=100, states=None):
     rng = np.random.default_rng(1)
     for _ in range(n):
-        yield rng.uniform(0, 3), rng.normal(0, 1, len(block.states)), rng.normal(0, 1, len(block.inputs))
+        x = states(block, rng) if states else rng.normal(0, 1, len(block.states))
+        yield rng.uniform(0, 3), x, rng.normal(0, 1, len(block.inputs))
 
 
-def assert_same(block, n=100):
+def assert_same(block, n=100, states=None):
     """Compare to 1e-12, or to 8 times the change by rounding the arguments, which must be below 1e-8."""
     functions, expected = block.to("casadi"), block.to_numpy()
     rng = np.random.default_rng(2)
-    for t, x, u in points(block, n):
+    for t, x, u in points(block, n, states):
         for own, other in (
             (functions.derivatives, expected.derivatives),
             (functions.outputs, expected.outputs),
         ):
             found, wanted = np.array(own(t, x, u, functions.parameters)).ravel(), other(t, x, u)
+            assert np.isfinite(wanted).all() or states is None
             room = 1e-12 * np.abs(wanted) + 1e-13 * np.abs(wanted).max(initial=1.0)
             if not (np.abs(found - wanted) <= room).all():
                 room = np.maximum(room, 8 * rounding(other, t, x, u, rng))
@@ -65,6 +68,12 @@ def test_each_vehicle_is_numpys_with_its_jacobians(name):
 @pytest.mark.parametrize("name", LAWS)
 def test_each_controller_is_numpys(name):
     assert_same(choose(f"{name}:controller").block, 100)
+
+
+@pytest.mark.slow("monitor")
+@pytest.mark.parametrize("name", designed.MAKERS)
+def test_what_a_design_or_a_search_returns_is_numpys(name):
+    assert_same(designed.designed(name), 20, designed.near_start)
 
 
 def test_designed_controllers_and_guidance_are_numpys():

@@ -21,6 +21,7 @@ from hovercontrol.simulation.trajectory import simulate
 from hovercontrol.targets import engines
 from hovercontrol.targets.compiled import CompiledBlock, compile_block
 from hovercontrol.targets.sweep import FIGURES
+from tests.targets import designed
 
 needs_cc = pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler (cc) on this machine")
 SCENARIO = load_scenario("table1")
@@ -75,14 +76,15 @@ def swept(runs=12, **options):
 # ---- one point, one simulation ---------------------------------------------------------------------------
 
 
-@pytest.mark.slow("estimator", "loop")
+@pytest.mark.slow("estimator", "loop", "monitor")
 @needs_cc
-@pytest.mark.parametrize("name", BLOCKS)
+@pytest.mark.parametrize("name", [*BLOCKS, *designed.MAKERS])
 def test_at_a_point_it_is_numpy(name, rng):
-    block = BLOCKS[name]
+    block = BLOCKS[name] if name in BLOCKS else designed.designed(name)
     ready, functions = compile_block(block), block.to_numpy()
     for _ in range(10):
         t, x, u = rng.uniform(0, 3), rng.normal(size=len(block.states)), rng.normal(size=len(block.inputs))
+        x = x if name in BLOCKS else designed.near_start(block, rng)
         params = {k: v * rng.uniform(0.9, 1.1) for k, v in block.default_parameters.items()}
         for rows in ("derivatives", "outputs"):
             expected = getattr(functions, rows)(t, x, u, params)

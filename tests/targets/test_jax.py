@@ -11,6 +11,7 @@ from hovercontrol.core.signals import time
 from hovercontrol.scenarios import load_scenario
 from hovercontrol.scenarios.runner import loop_parts
 from hovercontrol.targets.sweep import FIGURES
+from tests.targets import designed
 from tests.targets.sampled_by_hand import sampled_loop
 
 jax = pytest.importorskip("jax")
@@ -39,16 +40,18 @@ BLOCKS = {
 }
 
 
-@pytest.mark.slow("estimator")
-@pytest.mark.parametrize("name", BLOCKS)
+@pytest.mark.slow("estimator", "monitor")
+@pytest.mark.parametrize("name", [*BLOCKS, *designed.MAKERS])
 def test_functions_are_numpy_s_at_random_points(name, rng):
-    block = undelayed(BLOCKS[name])
+    block = undelayed(BLOCKS[name] if name in BLOCKS else designed.designed(name))
     x, u = (rng.normal(0, 1, (len(group), 100)) for group in (block.states, block.inputs))
+    x = x if name in BLOCKS else designed.near_start(block, rng, 100)
     t = rng.uniform(0, 3, 100)
     functions, expected = block.to_jax(), block.to_numpy()
     for rows in ("next" if block.period else "derivatives", "outputs"):
         found = np.asarray(jax.jit(getattr(functions, rows))(t, x, u))
         wanted = expected.derivatives(t, x, u) if rows != "outputs" else expected.outputs(t, x, u)
+        assert np.isfinite(wanted).all()
         np.testing.assert_allclose(found, wanted, rtol=1e-12, atol=1e-12 * np.abs(wanted).max(initial=0))
 
 
