@@ -1,5 +1,6 @@
 """What all tests share: repeatable random numbers, figures without a screen, the command line."""
 
+import os
 import signal
 import subprocess
 import sys
@@ -8,9 +9,14 @@ import matplotlib
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
+from threadpoolctl import threadpool_limits
 
 from hovercontrol import endings
 from hovercontrol.cli import main
+
+if "PYTEST_XDIST_WORKER" in os.environ:  # one of as many processes as cores: BLAS takes no further ones
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    threadpool_limits(1, "blas")  # of libraries that are loaded
 
 matplotlib.use("Agg")
 settings.register_profile(

@@ -112,7 +112,7 @@ def test_exact_friction_is_that_of_the_compiled_block(seed):
             np.testing.assert_array_equal(found == 0.0, expected == 0.0)  # it sticks at exactly zero
 
 
-@pytest.mark.slow("ModelExchange")
+@pytest.mark.slow("ModelExchange", "CoSimulation-2")
 @pytest.mark.parametrize("version", [2, 3])
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_whole_loop_is_the_compiled_loop(version, kind):

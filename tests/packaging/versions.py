@@ -19,6 +19,8 @@ from pathlib import Path
 
 PROJECT = Path(__file__).parents[2]
 PREPARED = "prepared"
+#: Tests of C code, which is the same for every version of Python and of its packages.
+OF_C = ["--ignore=tests/fmu"]
 
 #: Says which Python this is, if it is a release that can make a virtual environment.
 ASK = """
@@ -120,7 +122,7 @@ def main() -> int:
     settings = dict(os.environ)
     if version >= (3, 12):
         settings.setdefault("COVERAGE_CORE", "sysmon")  # watching which lines run then costs little
-    quick = ["-n", "2", "--dist", "worksteal", "-m", "not slow", *passed]
+    quick = ["-n", "2", "--dist", "worksteal", "-m", "not slow", *OF_C, *passed]
     return subprocess.run([own, "-m", "pytest", *quick], cwd=PROJECT, env=settings, check=False).returncode
 
 

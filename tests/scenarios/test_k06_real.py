@@ -101,7 +101,7 @@ def test_the_heading_trial_meets_its_figures(heading):
     assert [(m.metric.name, m.value) for m in heading.metrics() if not m.met] == []
 
 
-@pytest.mark.slow("bangbang")
+@pytest.mark.slow
 @pytest.mark.parametrize("law", ["bangbang", "proportional"])
 def test_from_rest_both_laws_come_within_the_pointing_tolerance(law):
     found = run_scenario(load_scenario(f"k06-real-heading-{law}-rest")).metrics()
