@@ -172,7 +172,7 @@ def test_long_tables_fold():
 
 def test_a_case_has_a_space_before_its_condition():
     """MathML trims blanks at the ends of a text, not no-break spaces (MathML Core 2.1.5)."""
-    x, y = hc.Signal("x", "m"), hc.Signal("y", "m")
+    x, y = hc.Signal("x"), hc.Signal("y")
     case = sp.Piecewise((x.symbol, x.symbol > 1), (0, True))
     text = checked_html(hc.Block("limit", inputs=[x], outputs=[y], output_expressions={"y": case}))
     assert "<mtext>if\u00a0</mtext>" in text or "<mtext>if&#160;</mtext>" in text
