@@ -40,6 +40,8 @@ def read_toml(path: str | Path) -> dict[str, Any]:
     except (ValueError, OSError) as error:  # no TOML, no UTF-8, a number of too many digits
         if isinstance(error, InputError):
             raise
+        if isinstance(error, UnicodeDecodeError):
+            raise InputError(f"{path}: not readable as TOML: expected text, found binary data") from None
         hint = _hint(written, str(error)) if isinstance(error, tomllib.TOMLDecodeError) else ""
         raise InputError(f"{path}: not readable as TOML: {reason(error)}{hint}") from None
 

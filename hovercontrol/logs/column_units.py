@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Container, Mapping
 
-from hovercontrol.core.units import conversion_factor, plain_si
+from hovercontrol.core.units import conversion_factor, dimension, plain_si
 from hovercontrol.errors import ArgumentError, InputError
 from hovercontrol.logs.log import UNITS
 from hovercontrol.logs.readers.dialect import unit_in_name
+
+#: Units that people write at the end of a column's name, and are not those of a log.
+NAMED = {
+    **dict.fromkeys(("deg", "degs", "degree", "degrees"), "deg"),
+    **dict.fromkeys(("dps", "degps"), "deg/s"),
+    **{unit: unit for unit in ("mm", "cm", "km", "ms", "us", "ns", "rpm")},
+    **{"millis": "ms", "micros": "us", "nanos": "ns", "mv": "mV", "ma": "mA"},
+}
 
 
 def column_of(said: str, header: Container[str]) -> tuple[str, str]:
@@ -75,6 +84,39 @@ def factor_to_si(name: str, unit: str, wanted: str = "") -> float:
         return sign * conversion_factor(plain, wanted or {"time": "s", **UNITS}.get(name) or plain_si(plain))
     except InputError as error:
         raise ArgumentError(f"column {name!r}, read as {unit!r}: {error}") from None
+
+
+def unit_hints(
+    file: str, names: Mapping[str, str], known: Container[str], wanted: Mapping[str, str]
+) -> list[str]:
+    """Return a line for each column that is read in one unit while its name ends in another.
+
+    Parameters
+    ----------
+    file : str
+        For the lines.
+    names : mapping of str to str
+        The file's column name for each signal name.
+    known : container of str
+        Signal names of the columns whose unit is known.
+    wanted : mapping of str to str
+        Units in which signals are read.
+
+    Examples
+    --------
+    >>> unit_hints("a.csv", {"angle": "arm_deg", "x": "x_m"}, {}, {"angle": "rad", "x": "m"})
+    ["a.csv: column 'arm_deg' is read in rad; if it is in deg: --columns angle=arm_deg:deg"]
+    """
+    lines = []
+    for ours, theirs in names.items():
+        unit = NAMED.get(re.split(r"[^A-Za-z]", theirs.strip())[-1].lower(), "")
+        read = {"time": "s", **UNITS, **wanted}.get(ours, "")
+        if not unit or not read or ours in known or dimension(unit) != dimension(read):
+            continue
+        if conversion_factor(unit, read) != 1.0:
+            option = f"--columns {ours}={theirs}:{unit}"
+            lines.append(f"{file}: column {theirs!r} is read in {read}; if it is in {unit}: {option}")
+    return lines
 
 
 def factors_of_file(

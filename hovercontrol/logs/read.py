@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from hovercontrol.core.boundary import checked
 from hovercontrol.errors import ArgumentError, InputError, did_you_mean
 from hovercontrol.logs.check import check_codes, check_finite, check_heading, check_size, check_time
-from hovercontrol.logs.column_units import column_of, factor_to_si, factors_of_file
+from hovercontrol.logs.column_units import column_of, factor_to_si, factors_of_file, unit_hints
 from hovercontrol.logs.derived import Derived, with_derived
 from hovercontrol.logs.log import POSE, VELOCITY, Floats, Log
 from hovercontrol.logs.readers.tables import Table, Tables
@@ -183,6 +183,10 @@ def _read_source(
     origin = source.stamps.origin if isinstance(source, Derived) and source.stamps else None
     log = replace(_log(file.name, data, firsts, trial), origin=origin or 0)
     notes = [f"{file}: read with {source.said}"] if source.said else []
+    known = {*factors, *(ours for ours, theirs in names.items() if theirs in source.units)}
+    if isinstance(source, Derived) and source.stamps:
+        known.add("time")
+    notes += unit_hints(str(file), {k: names[k] for k in names if k in checked}, known, units)
     notes += [f"{file}: {copies.size:,} copies of the row before: left out"] if copies.size else []
     return replace(log, notes=(*notes, *log.notes))
 

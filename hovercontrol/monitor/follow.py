@@ -13,12 +13,16 @@ from hovercontrol.core.block import Block
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.io.plain_json import plain
 from hovercontrol.logs.column_units import column_of, factor_to_si
+from hovercontrol.logs.readers.dialect import without_units
 from hovercontrol.monitor.alarms import Alarms
 from hovercontrol.monitor.feed import Feed, Tick
 from hovercontrol.monitor.replay import alarm_json, settle, threshold_of
 
 #: Time between two looks at a file that does not grow [s].
 PAUSE = 0.05
+
+#: Rows without a number as time at the start after which the table is refused; a row of units is one.
+NO_TIME = 5
 
 #: Separators of columns, tried in this order.
 SEPARATORS = ("\t", ";", ",")
@@ -50,6 +54,7 @@ class Rows:
         self._names, self._columns, self._units = ["time", *names], columns, {"time": "s", **units}
         self._source, self.bad = source, 0
         self._places: dict[str, tuple[int, float]] = {}
+        self._begun = False
 
     def row(self, line: str) -> tuple[float, dict[str, float]] | None:
         """Return the time [s] and the signals of a line; None for the header, a comment or a bad row."""
@@ -63,18 +68,25 @@ class Rows:
         found = {}
         for name, (place, factor) in self._places.items():
             try:
-                found[name] = factor * float(cells[place])
+                cell = cells[place] if self._separator == "," else cells[place].replace(",", ".")
+                found[name] = factor * float(cell)
             except (ValueError, IndexError):
                 found[name] = math.nan
         when = found.pop("time")
         if not math.isfinite(when):
             self.bad += 1
+            if not self._begun and self.bad == NO_TIME:
+                raise InputError(
+                    f"{self._source}: first {NO_TIME} rows, time: expected a number, found {line[:40]!r}"
+                )
             return None
+        self._begun = True
         return when, found
 
     def _header(self, line: str) -> None:
         self._separator = next((s for s in SEPARATORS if s in line), ",")
-        header = [cell.strip().strip('"') for cell in line.split(self._separator)]
+        given = [cell.strip().strip('"').strip() for cell in line.split(self._separator)]
+        header, units = without_units(given)
         for name in self._names:
             column, unit = column_of(self._columns[name], header) if name in self._columns else (name, "")
             if column not in header:
@@ -82,6 +94,7 @@ class Rows:
                     f"{self._source}: no column {column!r} for {name!r} in its header"
                     f"{did_you_mean(column, header)}"
                 )
+            unit = unit or units.get(column, "")
             factor = factor_to_si(name, unit, self._units.get(name, "")) if unit else 1.0
             self._places[name] = (header.index(column), factor)
 

@@ -1,5 +1,7 @@
 """A search stays within the bounds of the effects that it tries, whatever the logs are like."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -64,6 +66,16 @@ def test_trial_values_are_within_bounds_of_a_state_of_any_size(scale, monkeypatc
     found = candidates(fit)
     assert len(found) > 10 and all(within(c.trial) for c in found)
     assert len({c.trial for c in found}) == len(found)
+
+
+@pytest.mark.parametrize("factor", [1e200, np.nan, np.inf])
+def test_a_fit_that_ran_away_has_trial_values(factor):
+    """'effect omega_stribeck: speed must be a number, found nan', of a log in ms that was read in us."""
+    model, log = motor(), staircase(lambda t, v: 3.5 * v)
+    fit = base_fit(model, gather(model, [log]))
+    with np.errstate(all="ignore"):
+        found = candidates(replace(fit, path=fit.path * factor))
+    assert {c.trial for c in found} and all(within(c.trial) for c in found)
 
 
 @pytest.mark.slow

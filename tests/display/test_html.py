@@ -7,6 +7,7 @@ from html.parser import HTMLParser
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+import sympy as sp
 
 import hovercontrol as hc
 import hovercontrol.fmi
@@ -167,3 +168,11 @@ def test_a_sparkline_has_gaps_few_points_and_the_extremes():
 def test_long_tables_fold():
     text = table(["n"], [[k] for k in range(ROWS + 5)])
     assert "<details>" in text and "5 more" in text and table(["n"], []) == ""
+
+
+def test_a_case_has_a_space_before_its_condition():
+    """MathML trims blanks at the ends of a text, not no-break spaces (MathML Core 2.1.5)."""
+    x, y = hc.Signal("x"), hc.Signal("y")
+    case = sp.Piecewise((x.symbol, x.symbol > 1), (0, True))
+    text = checked_html(hc.Block("limit", inputs=[x], outputs=[y], output_expressions={"y": case}))
+    assert "<mtext>if\u00a0</mtext>" in text or "<mtext>if&#160;</mtext>" in text

@@ -194,6 +194,20 @@ def test_copies_of_the_row_before_are_left_out(tmp_path: Path) -> None:
     assert "line 5, column 'time': time runs backwards" in error_of(path)  # lines are counted in the file
 
 
+def test_a_unit_in_a_name_that_is_not_the_one_read_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    path.write_text(
+        "t_us,yaw_deg,x_m,r_dps,pos_mm [m],n\n" + "".join(f"{k * 1000},{k},1,2,3,4\n" for k in range(9))
+    )
+    columns = {"time": "t_us:us", "psi": "yaw_deg", "x": "x_m", "r": "r_dps:deg/s", "y": "pos_mm", "n": "n"}
+    hints = [note for note in read_log(path, columns).notes if "is read in" in note]
+    assert hints == [f"{path}: column 'yaw_deg' is read in rad; if it is in deg: --columns psi=yaw_deg:deg"]
+    assert "--columns time=t_us:us" in read_log(path, {"time": "t_us"}).notes[-1]
+    assert not [
+        note for note in read_log(path, columns | {"psi": "yaw_deg:deg"}).notes if "is read in" in note
+    ]
+
+
 def test_a_line_that_a_logger_did_not_finish_is_left_out(tmp_path: Path) -> None:
     path = tmp_path / "run.csv"
     path.write_bytes((GOOD + "0.3,1,").replace("\n", "\r\n").encode())

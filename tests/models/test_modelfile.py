@@ -190,7 +190,7 @@ def test_a_folder_or_a_missing_file_is_said_to_be_one(make, tmp_path):
 def test_a_file_that_is_no_text_is_refused(tmp_path):
     path = tmp_path / "craft.toml"
     path.write_bytes(b"\xff\xfe\x00binary")
-    with pytest.raises(InputError, match="not readable as TOML"):
+    with pytest.raises(InputError, match="not readable as TOML: expected text, found binary data"):
         load_model(path)
 
 

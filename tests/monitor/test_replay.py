@@ -13,7 +13,7 @@ from scipy.linalg import expm
 import hovercontrol as hc
 from hovercontrol.errors import InputError
 from hovercontrol.monitor.alarms import Alarm
-from hovercontrol.monitor.follow import follow, growing_lines
+from hovercontrol.monitor.follow import Rows, follow, growing_lines
 from hovercontrol.schema import schema
 
 PERIOD, DRAG, MASS, NOISE = 0.1, 0.5, 2.0, 0.01
@@ -166,6 +166,20 @@ def test_bad_rows_are_counted_and_passed(watch):
     rows = ["time,p,F\n", "0.0,0,0\n", "oops,0,0\n", "0.1,,0\n", "0.1,0,0\n", "0.2\n", "0.3,0,0\n"]
     _, end = follow(watch, iter(rows), {}, "a pipe", 5.0)
     assert (end["bad_rows"], end["late_rows"], end["alarms"]) == (1, 1, 0)
+
+
+def test_decimal_commas_and_units_in_the_header_are_read_as_in_a_log():
+    rows = Rows(["p", "F"], {"time": "Zeit", "F": "F (N):kN"}, {"p": "m", "F": "N"}, "a pipe")
+    found = [rows.row(line) for line in ("Zeit [ms];p [mm];F (N)\n", "0,0;1,5;2\n", "12,5;-3;0,5\r\n")]
+    assert found == [None, (0.0, {"p": 0.0015, "F": 2000.0}), (0.0125, {"p": -0.003, "F": 500.0})]
+
+
+def test_times_that_are_no_numbers_are_one_line(watch):
+    rows = ["time,p,F\n", *(f"2026-11-27T12:00:0{k},0,0\n" for k in range(9))]
+    with pytest.raises(
+        InputError, match="a pipe: first 5 rows, time: expected a number, found '2026-11-27T12"
+    ):
+        list(follow(watch, iter(rows), {}, "a pipe", 5.0))
 
 
 def test_the_result_fits_its_schema_and_its_files(watch, tmp_path):

@@ -169,6 +169,18 @@ def _fault(model: Subject, e: Effect) -> str:
     return ""
 
 
+def _speed(v: NDArray[np.float64]) -> float:
+    """Return (mean v^4 / mean v^2)^(1/2): the speed while a craft moves that mostly stands still.
+
+    It is 0 where nothing moves and where a fit has run away.
+    """
+    largest = float(np.abs(v).max(initial=0.0))
+    if not 0.0 < largest < math.inf:
+        return 0.0
+    squares = (v / largest) ** 2  # squares of v itself may overflow
+    return largest * math.sqrt(float(np.mean(squares**2)) / float(np.mean(squares)))
+
+
 def _scale(fit: Fit, cls: type[Effect], of: str, scales: Mapping[str, float]) -> float:
     """Return the scale of the trial values of a shape parameter."""
     if of == "input":
@@ -200,9 +212,7 @@ def _width(fit: Fit, cls: type[Effect], default: float) -> float:
 def _scales(fit: Fit) -> dict[str, float]:
     problem = fit.problem
     names = [s.name for s in problem.block.states]
-    # (mean v^4 / mean v^2)^(1/2): the speed while it moves, of a craft that mostly stands still
-    squares = [fit.path[..., i] ** 2 for i in range(len(names))]
-    speeds = [math.sqrt(float(np.mean(x**2)) / max(float(np.mean(x)), 1e-300)) for x in squares]
+    speeds = [_speed(fit.path[..., i]) for i in range(len(names))]
     found = {f"speed_{n}": v or 1.0 for n, v in zip(names, speeds, strict=True)}
     longest = max(float(m.time[-1] - m.origin) for m in problem.logs)
     return {**found, "time": longest, "step": problem.shortest}

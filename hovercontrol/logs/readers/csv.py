@@ -18,7 +18,7 @@ import pyarrow.csv
 from hovercontrol.errors import InputError
 from hovercontrol.io.files import reason
 from hovercontrol.logs.readers.arrow import is_number
-from hovercontrol.logs.readers.dialect import COMMENTS, HEAD, Dialect, is_comment, recognise, unit_in_name
+from hovercontrol.logs.readers.dialect import COMMENTS, HEAD, Dialect, is_comment, recognise, without_units
 
 BLOCK = 2**20
 """Bytes of text converted at a time."""
@@ -60,23 +60,14 @@ class CsvSource:
             name: unit for name, unit in zip(self.header, self.dialect.units, strict=False) if unit
         }
         if not self.units:
-            self._take_units_from_names()
+            self.header, self.units = without_units(self.header)
+            named = "units in the names of columns" if self.units else ""
+            self.said = ", ".join(filter(None, [self.said, named]))
         self._cut = self._cut_line()
         if self._cut:
             self.said = ", ".join(filter(None, [self.said, "an incomplete last line left out"]))
         # Arrow requires different names; columns without a name are never requested
         self._names = [name or f"\0{k}" for k, name in enumerate(self.header)]
-
-    def _take_units_from_names(self) -> None:
-        """Read ``x [mm]`` as a column ``x`` in mm; names that would be there twice stay as they are."""
-        pairs = [unit_in_name(name) for name in self.header]
-        plain = [name for name, _ in pairs]
-        self.units = {name: unit for name, unit in pairs if unit and plain.count(name) == 1}
-        if self.units:
-            self.header = [
-                name if name in self.units else given for given, name in zip(self.header, plain, strict=True)
-            ]
-            self.said = ", ".join(filter(None, [self.said, "units in the names of columns"]))
 
     def _cut_line(self) -> str:
         """Return the last line if it lacks values and a line end, as when a logger lost its power."""

@@ -103,6 +103,20 @@ def unit_in_name(name: str) -> tuple[str, str]:
     return (found[1], unit) if unit else (name, "")
 
 
+def without_units(header: Sequence[str]) -> tuple[list[str], dict[str, str]]:
+    """Return the names of columns without units in brackets, and the units; no name is there twice.
+
+    Examples
+    --------
+    >>> without_units(["t [ms]", "y (m)", "y (mm)"])
+    (['t', 'y (m)', 'y (mm)'], {'t': 'ms'})
+    """
+    pairs = [unit_in_name(name) for name in header]
+    plain = [name for name, _ in pairs]
+    units = {name: unit for name, unit in pairs if unit and plain.count(name) == 1}
+    return [name if name in units else given for given, name in zip(header, plain, strict=True)], units
+
+
 def is_comment(line: str) -> bool:
     """Return whether a line is a comment."""
     return line.lstrip().startswith(COMMENTS)
