@@ -43,6 +43,12 @@ def closed_loop(solver: Any, duration: float) -> tuple[Any, np.ndarray[Any, Any]
     return controller.simulate(duration), np.array(times)
 
 
+def double_integrator() -> hc.Block:
+    """Return x'' = a: from rest to rest over a distance d it takes 2 sqrt(d / a) at least."""
+    x, v, a = hc.Signal("x", "m"), hc.Signal("v", "m/s"), hc.Signal("a", "m/s^2")
+    return hc.Block("cart", [x, v], [a], [x, v], derivatives={"x": v.symbol, "v": a.symbol})
+
+
 def rows() -> Iterator[tuple[str, str, str, bool | None]]:
     run, times = closed_loop("rti", 60.0)
     median, worst = 1e3 * np.median(times), 1e3 * times.max()
@@ -63,3 +69,21 @@ def rows() -> Iterator[tuple[str, str, str, bool | None]]:
         "",
         None,
     )
+    cart, limits = double_integrator(), {"a": (-1.0, 1.0)}
+    hc.minimum_time(cart, {"x": 4.0, "v": 0.0}, limits=limits)  # its library is built
+    begin = thread_time()
+    found = hc.minimum_time(cart, {"x": 4.0, "v": 0.0}, limits=limits)
+    yield "minimum_time of a cart, exact: 4 s", f"{thread_time() - begin:.2f} s", "", None
+    gap = abs(found.duration - 4.0)
+    yield "its duration off the exact one", f"{gap:.1e} s", "<= 1e-6 s", gap <= 1e-6
+    begin = thread_time()
+    plan = hc.minimum_time(
+        hc.vehicle("c17_simulation"),
+        {"x": 3, "y": 1, "u": 0, "v": 0, "r": 0},
+        limits={"thrust": (0, 3.6), "rudder": (-0.54, 0.54)},
+        obstacles=[(1.5, 0.3, 0.5)],
+        intervals=25,
+    )
+    spent = thread_time() - begin
+    text = f"{plan.duration:.2f} s in {spent:.1f} s"
+    yield "minimum_time of C17's craft around an obstacle, 25 intervals", text, "", None
