@@ -111,7 +111,10 @@ SAMPLE = sample_path().read_text().splitlines()
     ("change", "said"),
     [
         (lambda rows: [rows[0].replace("psi", "psy"), *rows[1:]], "no column 'psi'; did you mean 'psy'?"),
-        (lambda rows: [*rows[:50], rows[49], *rows[50:]], "line 51, column 'time': time repeats"),
+        (
+            lambda rows: [*rows[:50], f"{rows[49].split(',')[0]},{rows[9].split(',', 1)[1]}", *rows[50:]],
+            "line 51, column 'time': time repeats",
+        ),
         (lambda rows: [*rows[:50], rows[9], *rows[50:]], "line 51, column 'time': time runs backwards"),
         (
             lambda rows: [*rows[:50], *rows[1150:]],

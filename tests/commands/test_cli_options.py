@@ -50,7 +50,7 @@ def test_an_option_that_fits_one_log_of_two_is_a_finding_about_the_other(call, f
 
 
 def test_a_log_that_cannot_be_read_is_a_finding(call, folder):
-    (folder / "bad.csv").write_text("time,x,y,psi\n0,0,0,0\n0,0,0,0\n")
+    (folder / "bad.csv").write_text("time,x,y,psi\n0,0,0,0\n0,0,0,1\n")
     done = call("check", "bad.csv", cwd=folder)
     assert done.returncode == 1 and "time repeats" in done.stdout
 
