@@ -238,9 +238,11 @@ def with_runtime(
         return found
     runtime = {file: text for file, text in files.items() if file.startswith("hc_")}
     if any(file.endswith(".c") for file in runtime):
-        compiling = [flag for flag in flags if flag not in ("-shared", "-s") and not flag.startswith("-Wl,")]
+        linking = ("-shared", "-s"), ("-Wl,", "-l")
+        compiling = [flag for flag in flags if flag not in linking[0] and not flag.startswith(linking[1])]
+        alone = ("-r",) if "ziglang" in command else ("-r", "-nostdlib")  # zig's has no headers then
         with contextlib.suppress(CompilerFailedError):  # if it cannot join objects, compile all at once
-            joined = built_file(folder, "runtime", runtime, command, (*compiling, "-r", "-nostdlib"), ".o")
+            joined = built_file(folder, "runtime", runtime, command, (*compiling, *alone), ".o")
             own = {file: text for file, text in files.items() if file not in runtime or file.endswith(".h")}
             return _build(folder, stem, own, command, (*flags, str(joined)), suffix)
     return _build(folder, stem, files, command, flags, suffix)

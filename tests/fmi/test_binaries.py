@@ -61,6 +61,17 @@ def test_the_plants_binary_is_for_its_machine_small_and_self_contained(platform,
         assert trace not in binary
 
 
+@pytest.mark.slow
+@needs_zig
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="Linux's compilers join objects")
+@pytest.mark.parametrize("platform", ["x86_64-linux", "aarch64-linux"])
+def test_fmus_of_different_names_share_one_compiled_runtime(platform, tmp_path, monkeypatch):
+    monkeypatch.setenv("HOVERCONTROL_CACHE", str(tmp_path))
+    plant, reference = (built(name, platform) for name in ("plant", "reference"))
+    assert plant != reference
+    assert len(list(tmp_path.glob("compiled/*/runtime-*.o"))) == 1
+
+
 def test_this_machines_binary_runs_with_old_c_libraries_whichever_compiler_made_it(monkeypatch):
     if not sys.platform.startswith("linux"):
         pytest.skip("glibc is Linux's")

@@ -192,7 +192,7 @@ def _built(
         needed = (f"-Wl,--no-as-needed,{library}" for library in libraries)
         flags = (*flags, *(libraries if target else needed))
     label = f"{name}-{wanted.name}"
-    built = built_file if target else with_runtime  # a cross-compiler joins no objects
+    built = with_runtime if not target or wanted.suffix == ".so" else built_file  # zig joins objects of ELF
     return built(cache_folder(), label, files, command, flags, wanted.suffix).read_bytes()
 
 
