@@ -11,7 +11,7 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from benchmarks.real_craft import DATA, MASS, holohover_halves
 from hovercontrol.discrepancy import diagnose
@@ -23,29 +23,24 @@ AUTHORS = {"x": 0.0108, "y": 0.0097, "psi": 0.39}
 HORIZON = 0.2
 
 
-def lines(found: Diagnosis) -> list[str]:
-    """Return what a diagnosis takes on its held-out log, in lines of text."""
+def lines(found: Diagnosis) -> Iterator[str]:
+    """Yield what a diagnosis takes on its held-out log, in lines of text."""
     before, after = found.held_before, found.held_after
     if before is None or after is None:
-        return ["no log was held out"]
-    told = [
-        f"{len(found.effects)} coefficients: "
-        + ", ".join(f"{e.parameter} {e.value:.4g}" for e in found.effects)
-    ]
+        return
+    numbers = ", ".join(f"{e.parameter} {e.value:.4g} {e.unit}" for e in found.effects)
+    yield f"{len(found.effects)} coefficients: {numbers}"
     for a in found.ahead:
         if a.horizon == HORIZON:
             fall = f"{a.before:.4g} -> {a.after:.4g} {a.unit}"
-            told.append(f"{a.channel}, {HORIZON} s ahead: {fall} (authors: {AUTHORS[a.channel]:g})")
-    taken = before.cost - after.cost
-    equations = [after.problem.block.states[after.problem.free[i]].name for i in after.problem.driven]
-    left = yardsticks(after, equations)
-    for y in left:
-        told.append(
-            f"{y.equation}: functions of {', '.join(y.signals) or 'nothing'} could still take {y.gain:.0f}"
-        )
-    rest = sum(y.gain for y in left)
-    share = 100.0 * taken / max(taken + rest, 1e-9)
-    return [*told, f"named effects take {taken:.0f}, functions {rest:.0f} more: {share:.0f} % is told"]
+            yield f"{a.channel}, {HORIZON} s ahead: {fall} (authors: {AUTHORS[a.channel]:g})"
+    taken, left = before.cost - after.cost, 0.0
+    for i in after.problem.driven:
+        (y,) = yardsticks(after, [after.problem.block.states[after.problem.free[i]].name])
+        left += y.gain
+        yield f"{y.equation}: functions of {', '.join(y.signals)} could still take {y.gain:.0f}"
+    share = 100.0 * taken / max(taken + left, 1e-9)
+    yield f"named effects take {taken:.0f}, such functions {left:.0f} more: {share:.0f} % is told"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -57,7 +52,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     title, craft, logs, held = holohover_halves(given.log)[0]
     begin = time.perf_counter()
     found = diagnose(craft, logs, held)
-    print(f"{title}: {found.verdict}, {time.perf_counter() - begin:.0f} s", *lines(found), sep="\n")
+    print(f"{title}: {found.verdict}, {time.perf_counter() - begin:.0f} s", flush=True)
+    for line in lines(found):
+        print(line, flush=True)
     return 0
 
 

@@ -134,13 +134,7 @@ class Law(Effect):
 
 
 class MemoryLaw(Law):
-    """A law with one factor that is a signal behind a filter of first order, a state of its own.
-
-    Attributes
-    ----------
-    memory : Signal
-        The state: ``tau memory' = signal - memory``, from rest.
-    """
+    """A law with one factor that is a signal behind a filter: ``tau memory' = signal - memory``."""
 
     memory: ClassVar[Signal]
 

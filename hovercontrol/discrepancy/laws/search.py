@@ -108,7 +108,7 @@ def with_laws(
     named = [n for n in again.selection.effects if is_law(n)]
     if noise or not named:
         return again if named else found
-    doubtful = [n for n in named if not _sound(again, n, base, criteria)]
+    doubtful = [n for n in named if not sound(again, n, base, criteria)]
     if not doubtful:
         return again
     leads = tuple(_unshown(again.evidence[n], n) for n in doubtful)
@@ -132,7 +132,7 @@ def _random(more: Selection, criteria: Criteria, rows: list[Decision]) -> bool:
     return passed
 
 
-def _sound(again: HeldOut, name: str, base: Fit, criteria: Criteria) -> bool:
+def sound(again: HeldOut, name: str, base: Fit, criteria: Criteria) -> bool:
     """Return whether a law beside something else is shown by held-out logs and takes most of its equation.
 
     A law with a memory is not: a filter of first order takes part of whatever answers a command.

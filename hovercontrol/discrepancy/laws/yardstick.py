@@ -168,8 +168,9 @@ class _Equation:
         seen = np.zeros((*fit.linear.residual.shape, len(terms)))
         system = augment(fit.problem, fit.linear, fit.noise, drive=drive, seen=seen)
         every = fit.problem.rows.by_block(products(run_filter(system).white))
-        G, f, P = every[:, 1:, 1:], -every[:, 1:, 0], len(fit.p)
-        free = np.diag(fit.prior.precision)
+        G, f = every[:, 1:, 1:], -every[:, 1:, 0]
+        P = G.shape[-1] - len(terms)  # the model's unknowns; none of a fit with fixed coefficients
+        free = np.diag(fit.prior.precision)[:P, :P]
         total, score = G.sum(axis=0), f.sum(axis=0)
         size = float(np.mean(np.diag(total)[P:])) or 1.0
         found = []

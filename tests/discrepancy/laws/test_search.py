@@ -7,6 +7,7 @@ from threadpoolctl import threadpool_limits
 
 import hovercontrol as hc
 from hovercontrol.discrepancy.criteria import CRITERIA
+from hovercontrol.discrepancy.evidence.holdout import held_fit
 from hovercontrol.discrepancy.laws.grammar import law_names
 from hovercontrol.discrepancy.laws.screen import effective_tests, screened
 from hovercontrol.discrepancy.laws.yardstick import yardsticks
@@ -74,6 +75,14 @@ def test_the_true_form_is_among_the_best_of_the_screening(lacking):
 def test_the_yardstick_finds_that_something_is_a_function_of_the_signals(lacking):
     (of_r,) = yardsticks(lacking, ["r"])
     assert of_r.gain > 50.0
+    assert set(of_r.signals) <= {"v", "r", "rudder"}
+
+
+def test_the_yardstick_of_a_held_out_log_leaves_the_coefficients_as_they_are(lacking):
+    with threadpool_limits(1, "blas"):
+        held = held_fit(lacking.model, gather(ship(), [log(2, -1.5)]))
+        (of_r,) = yardsticks(held, ["r"])
+    assert of_r.gain > 20.0
     assert set(of_r.signals) <= {"v", "r", "rudder"}
 
 
