@@ -1,7 +1,8 @@
 """An FMU as a model: estimates within two errors, effects named, cost of a fit.
 
-The FMUs are exported here: a machine with drag, and a craft of six states. The true runs of the craft come
-from its equations by hand, integrated by SciPy's DOP853 at 1e-10, not from an FMU.
+The FMUs are exported here (a machine with drag, a craft of six states) or written by hand in C (an
+oscillator, a ball that bounces, a decay in fixed steps). The true runs of the craft and of those written by
+hand come from their equations: in closed form, or by SciPy's DOP853 at 1e-10.
 """
 
 from __future__ import annotations
@@ -9,8 +10,10 @@ from __future__ import annotations
 import math
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +21,8 @@ from scipy.integrate import solve_ivp
 
 import hovercontrol as hc
 from hovercontrol.analysis.intervals import clopper_pearson
+from tests.fmi.test_written import ball
+from tests.fmi.written import written_fmu
 
 Array = NDArray[np.float64]
 Row = tuple[str, str, str, bool | None]
@@ -62,6 +67,87 @@ def motors(folder: Path) -> Iterator[Row]:
         each = (time.perf_counter() - begin) / RUNS
         yield counted(f"{kind}: b within two errors", hits, RUNS, "93-97 %", 0.93, 0.97)
         yield f"{kind}: a fit of one parameter, 1000 rows", f"{each:.2f} s", "", None
+
+
+# ---- FMUs written by hand in C (tests/fmi/models) ----
+
+
+@dataclass(frozen=True)
+class Written:
+    """An FMU with its true run.
+
+    Attributes
+    ----------
+    name, kind : str
+        Of the FMU, and its interface.
+    true : mapping of str to float
+        Values of its parameters in the runs; the fits begin at the FMU's own.
+    run : callable
+        Of a seed: time [s], inputs and the exact output by name.
+    output : str
+    """
+
+    name: str
+    kind: Literal["ModelExchange", "CoSimulation"]
+    true: Mapping[str, float]
+    run: Callable[[int], tuple[Array, dict[str, Array], Array]]
+    output: str
+
+
+def oscillator(_seed: int) -> tuple[Array, dict[str, Array], Array]:
+    """Return the oscillator of Van der Pol, ``x'' = mu (1 - x^2) x' - x``, by SciPy's DOP853."""
+    t, mu = 0.02 * np.arange(400, dtype=float), WRITTEN[0].true["mu"]
+    run = solve_ivp(
+        lambda t, x: [x[1], mu * (1 - x[0] ** 2) * x[1] - x[0]], (0.0, t[-1]), [2.0, 0.0], "DOP853", t,
+        rtol=1e-10, atol=1e-12,
+    )  # fmt: skip
+    return t, {}, np.asarray(run.y[0])
+
+
+def bounced(_seed: int) -> tuple[Array, dict[str, Array], Array]:
+    """Return the height of a ball that bounces, its parabolas in closed form."""
+    t, true = 0.01 * np.arange(200, dtype=float), WRITTEN[1].true
+    return t, {}, np.asarray(ball(t, true["g"], true["e"]))
+
+
+def decayed(seed: int) -> tuple[Array, dict[str, Array], Array]:
+    """Return ``x' = u - k x`` (Dahlquist) in the Euler steps of 0.1 s that the FMU takes."""
+    u = np.repeat(np.random.default_rng(1000 + seed).uniform(-1.0, 1.0, 10), 10)
+    x = [1.0]
+    for now in u[:-1]:
+        x.append(x[-1] + 0.1 * (now - WRITTEN[2].true["k"] * x[-1]))
+    return 0.1 * np.arange(100, dtype=float), {"u": u}, np.array(x)
+
+
+WRITTEN = (
+    Written("van_der_pol", "ModelExchange", {"mu": 1.5}, oscillator, "x"),
+    Written("bouncing_ball", "ModelExchange", {"g": 9.6, "e": 0.75}, bounced, "h"),
+    Written("dahlquist", "CoSimulation", {"k": 1.4}, decayed, "x"),
+)
+
+
+def written(folder: Path) -> Iterator[Row]:
+    """Yield how near the parameters are on clean logs, and how often within two errors on noisy ones."""
+    for one in WRITTEN:
+        own = folder / one.name
+        own.mkdir()
+        plant = hc.fmu_plant(written_fmu(one.name, own), list(one.true), kind=one.kind, isolated=False)
+        t, inputs, exact = one.run(0)
+        found = hc.identify(plant, [hc.Log("clean", t, {**inputs, one.output: exact})])
+        off = max(abs(found[name].value / true - 1.0) for name, true in one.true.items())
+        yield f"{one.name}: a clean log, furthest parameter off", f"{off:.1e}", "1 %", off <= 0.01
+        hits, begin = dict.fromkeys(one.true, 0), time.perf_counter()
+        for seed in range(RUNS):
+            t, inputs, exact = one.run(seed)
+            seen = exact + NOISE * np.random.default_rng(seed).normal(size=t.size)
+            found = hc.identify(plant, [hc.Log("run", t, {**inputs, one.output: seen})])
+            for name, true in one.true.items():
+                hits[name] += abs(found[name].value - true) <= 2.0 * found[name].std
+        plant.close()
+        for name, count in hits.items():
+            yield counted(f"{one.name}: {name} within two errors", count, RUNS, "93-97 %", 0.93, 0.97)
+        each = (time.perf_counter() - begin) / RUNS
+        yield f"{one.name}: a fit of {len(one.true)}, {len(t)} rows", f"{each:.2f} s", "", None
 
 
 # ---- effects around a craft of six states ----
@@ -185,4 +271,5 @@ def rows() -> Iterator[Row]:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         yield from motors(folder)
+        yield from written(folder)
         yield from diagnoses(folder)

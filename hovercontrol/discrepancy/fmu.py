@@ -9,62 +9,41 @@ process noise would make them, so that a disturbed plant does not call for an ef
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import TypeAlias
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from hovercontrol.discrepancy.criteria import CRITERIA
-from hovercontrol.discrepancy.evidence.blocks import Blocks, along, of_gain, scatter
+from hovercontrol.discrepancy.evidence.blocks import Blocks
 from hovercontrol.discrepancy.evidence.holdout import fall_of_errors
 from hovercontrol.discrepancy.fmu_diagnosis import FmuDiagnosis, FmuNamed
+from hovercontrol.discrepancy.fmu_fits import (
+    EFFORT,
+    Scored,
+    agreement,
+    fitted,
+    numbers_of,
+    screened,
+    without,
+)
 from hovercontrol.discrepancy.search.challenge import surely
 from hovercontrol.discrepancy.search.leads import Lead
 from hovercontrol.discrepancy.search.rules import tests_of
 from hovercontrol.discrepancy.search.trace import Decision
 from hovercontrol.discrepancy.verdict import verdict
-from hovercontrol.effects import Effect, Shape
+from hovercontrol.effects import Effect
 from hovercontrol.errors import InputError, did_you_mean
-from hovercontrol.estimation.excitation import covariance
 from hovercontrol.fmi.replay.candidates import Candidate, candidates
 from hovercontrol.fmi.replay.held_out import held_out, shares_of
-from hovercontrol.fmi.replay.output_error import FmuFit, fit_fmu, refine
+from hovercontrol.fmi.replay.output_error import FmuFit, fit_fmu
 from hovercontrol.fmi.replay.plant import FmuPlant
 from hovercontrol.fmi.replay.rows import Rows, trials_of
-from hovercontrol.fmi.replay.runs import RunFailed
-from hovercontrol.fmi.replay.unknowns import Unknowns, estimated
 from hovercontrol.logs.log import Log
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class FmuCriteria:
-    """What limits the effort of the search; what an effect needs is in ``CRITERIA`` of all models.
-
-    No published source: set by hand; the benchmark ``fmu_models`` counts the names that they give.
-
-    Attributes
-    ----------
-    screened : float
-        Smallest decrease of the sum of squares by the linear response, in noise variances.
-    fitted : int
-        Most candidates fitted in a step.
-    iterations : int
-        Of each candidate's fit.
-    """
-
-    screened: float = 12.0
-    fitted: int = 8
-    iterations: int = 15
-
-
-#: The values in use.
-EFFORT = FmuCriteria()
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,10 +67,6 @@ class _Tried:
         return agreement(self.fit, self.less, self.candidate)
 
 
-#: A candidate, its fall of the sum of squares, and the effect at which a fit begins.
-_Scored: TypeAlias = tuple[float, Candidate, Effect]
-
-
 @dataclass(eq=False)
 class _Search:
     """What all steps share: the candidates that are wanted, the trace, the leads."""
@@ -101,14 +76,14 @@ class _Search:
     trace: list[Decision] = field(default_factory=list)
     leads: dict[str, Lead] = field(default_factory=dict)
     looked_at: int = 1
-    _screened: list[tuple[FmuFit, list[_Scored]]] = field(default_factory=list)
+    _screened: list[tuple[FmuFit, list[Scored]]] = field(default_factory=list)
     _fits: list[tuple[FmuFit, str, FmuFit | None]] = field(default_factory=list)
 
     def asked_for(self, candidate: Candidate) -> bool:
         """Whether a candidate may be named."""
         return self.wanted is None or candidate.name in self.wanted
 
-    def best(self, fit: FmuFit) -> list[_Scored]:
+    def best(self, fit: FmuFit) -> list[Scored]:
         """Return the candidates that may improve a fit, the best first, and where a fit of each begins."""
         for known, found in self._screened:
             if known is fit:
@@ -117,7 +92,7 @@ class _Search:
         every = [c for c in every if self.asked_for(c)]
         self.looked_at = max(self.looked_at, len(every))
         self.said("screening effects")
-        found = _screened(fit, every)[: EFFORT.fitted]
+        found = screened(fit, every)[: EFFORT.fitted]
         rule = "fall of the sum of squares, at least"
         self.trace += [Decision("score", c.name, rule, gain, EFFORT.screened) for gain, c, _ in found]
         self._screened.append((fit, found))
@@ -129,7 +104,7 @@ class _Search:
             if known is less and name == candidate.name:
                 return made
         self.said(f"fitting {candidate.name}")
-        found = _fitted(less, candidate, begin)
+        found = fitted(less, candidate, begin)
         self._fits.append((less, candidate.name, found))
         return found
 
@@ -227,7 +202,19 @@ def _step(search: _Search, fit: FmuFit) -> _Tried | None:
         trial = search.fit(fit, candidate, begin)
         if trial is not None and search.passes(_Tried(candidate, fit, trial)):
             tried.append(_Tried(candidate, fit, trial))
-    return min(tried, key=lambda t: CRITERIA.penalised(t.fit), default=None)
+    if not tried:
+        return None
+    best = min(tried, key=lambda t: CRITERIA.penalised(t.fit))
+    for t in tried:  # a late command in place of a late clock, of which a log's first values are not known
+        twins = best.candidate.tried[0].twin(t.candidate.tried[0])
+        near = CRITERIA.penalised(t.fit) - CRITERIA.penalised(best.fit) < CRITERIA.apart
+        best = t if twins and near and t.candidate.place == "before" else best
+    return best
+
+
+def _less(base: FmuFit, final: FmuFit, out: Sequence[_Tried], named: Sequence[_Tried]) -> FmuFit:
+    """Return the fit without some of the named effects."""
+    return base if len(out) == len(named) else without(final, [t.candidate for t in out])
 
 
 def _confirmed(
@@ -308,122 +295,3 @@ def _named(search: _Search, t: _Tried, final: FmuFit) -> FmuNamed:
     numbers, std = numbers_of(final, t.candidate)
     c = t.candidate
     return FmuNamed(c.place, c.cls.name, numbers, std, t.gain, t.blocks, tuple(rivals), same)
-
-
-def agreement(fit: FmuFit, less: FmuFit, candidate: Candidate) -> Blocks:
-    """Return how blocks agree on a fitted effect, as :func:`.evidence.blocks.agreement` does."""
-    numbers = {k: j for k, j in _places(fit, candidate).items()}
-    neutral = {k: candidate.cls.numbers[k].neutral for k in numbers}
-    scaling = [(numbers[k], n) for k, n in neutral.items() if not math.isnan(n)]
-    if not scaling:
-        return of_gain(less.block_costs - fit.block_costs, fit.block_log)
-    mine = [j for j, _ in scaling]
-    away = np.array([fit.p[j] - n for j, n in scaling])
-    others = [j for j in range(len(fit.p)) if j not in mine]
-    information, u = along(fit.S, fit.g, np.zeros(len(fit.p)), mine, others, away)
-    return scatter(u + information, information, fit.block_log)
-
-
-def _screened(fit: FmuFit, every: Sequence[Candidate]) -> list[tuple[float, Candidate, Effect]]:
-    """Return candidates that may lower the sum of squares, the best first, and where a fit of each begins.
-
-    With w the residual over its root mean square, J the sensitivities of the fit and d the response to a
-    trial, all of them so scaled: d' is d less its projection on J, and its best multiple lowers the
-    sum of squares by ``(w d')^2 / d'd'``.
-    """
-    unknowns, scale = fit.unknowns, np.maximum(fit.rms, 1e-300)
-    base = unknowns.predict(fit.values)
-    seen = [np.isfinite(r) for r in fit.residuals]
-    w = np.concatenate(
-        [np.where(s, r / scale, 0.0).ravel() for r, s in zip(fit.residuals, seen, strict=True)]
-    )
-    J = np.concatenate(
-        [
-            np.where(s[..., None], j / scale[:, None], 0.0).reshape(-1, len(fit.values))
-            for j, s in zip(unknowns.slopes(fit.values, base), seen, strict=True)
-        ]
-    )
-    Q = np.linalg.qr(J / np.maximum(np.sqrt((J**2).sum(axis=0)), 1e-300))[0] if J.shape[1] else J
-    plant, found = fit.model, []
-    w = w - Q @ (Q.T @ w)
-    for candidate in every:
-        best: tuple[float, Candidate, Effect] | None = None
-        for e in candidate.tried:
-            trial = _with(fit, candidate.added_to(plant, e))
-            try:
-                there = trial[0].predict(trial[1])
-            except RunFailed:
-                continue
-            d = np.concatenate(
-                [np.where(s, (y - b) / scale, 0.0).ravel() for y, b, s in zip(there, base, seen, strict=True)]
-            )
-            d = d - Q @ (Q.T @ d)
-            square = float(d @ d)
-            if square <= 1e-12 * len(d):
-                continue
-            a = float(w @ d) / square
-            own = next(iter(estimated(e)))
-            linear = not isinstance(type(e).numbers[own], Shape)
-            if not linear and a <= 0.0:
-                continue
-            start = e.within_bounds(**{**e.values, own: a * e.values[own]}) if linear else e
-            gain = float(w @ w) - float(((w - (a if linear else 1.0) * d) ** 2).sum())
-            gain = max(gain, 0.5 * a * a * square) if not linear else gain
-            if best is None or gain > best[0]:
-                best = (gain, candidate, start)
-        if best is not None and best[0] > EFFORT.screened:
-            found.append(best)
-    return sorted(found, key=lambda one: -one[0])
-
-
-def _with(fit: FmuFit, plant: FmuPlant) -> tuple[Unknowns, Array]:
-    """Return the unknowns of a model with more effects, at the values of a fit."""
-    unknowns = Unknowns(plant, fit.unknowns.logs)
-    known = dict(zip(fit.unknowns.names, fit.values.tolist(), strict=True))
-    around = plant.around.values
-    return unknowns, np.array([known[n] if n in known else around[n] for n in unknowns.names])
-
-
-def _fitted(fit: FmuFit, candidate: Candidate, begin: Effect) -> FmuFit | None:
-    unknowns, values = _with(fit, candidate.added_to(fit.model, begin))
-    try:
-        return refine(unknowns, values, EFFORT.iterations)
-    except RunFailed:
-        return None
-
-
-def _less(base: FmuFit, final: FmuFit, out: Sequence[_Tried], named: Sequence[_Tried]) -> FmuFit:
-    """Return the fit without some of the named effects."""
-    if len(out) == len(named):
-        return base
-    gone = {(t.candidate.place, t.candidate.cls.name) for t in out}
-    around = final.model.around
-    plant = replace(
-        final.model,
-        around=replace(
-            around,
-            at_inputs=tuple(e for e in around.at_inputs if ("before", e.name) not in gone),
-            at_outputs=tuple(e for e in around.at_outputs if ("after", e.name) not in gone),
-            in_equations=tuple(e for e in around.in_equations if ("added", e.name) not in gone),
-        ),
-    )
-    unknowns, values = _with(final, plant)
-    return refine(unknowns, values, EFFORT.iterations)
-
-
-def _places(fit: FmuFit, candidate: Candidate) -> dict[str, int]:
-    """Return the place of each number of an effect among the unknowns of a fit."""
-    cls = candidate.cls
-    return {
-        k: fit.unknowns.names.index(f"{candidate.place}.{cls.parameter(k)}") for k in estimated(cls.small())
-    }
-
-
-def numbers_of(fit: FmuFit, candidate: Candidate) -> tuple[dict[str, float], dict[str, float]]:
-    """Return the numbers of an effect and their standard errors."""
-    C = covariance(fit.information, fit.unknowns.size, fit.widen)
-    places = _places(fit, candidate)
-    return (
-        {k: float(fit.values[j]) for k, j in places.items()},
-        {k: float(np.sqrt(C[j, j])) for k, j in places.items()},
-    )
