@@ -1,7 +1,7 @@
 """Cost of a right-hand side through an imported FMU for Model Exchange, over the FMU's own.
 
-The FMU's own cost: its calls of time, states, inputs and derivatives by a loop in C. Ours: the function behind
-``system.dynamics`` that python-control calls, at points of which time, states and inputs
+The FMU's own cost: its calls of time, states, inputs and derivatives by a loop in C. Ours: the
+function behind ``system.dynamics`` that python-control calls, at points of which time, states and inputs
 differ from the last, and at points of which the states alone differ.
 """
 

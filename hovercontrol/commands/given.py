@@ -164,7 +164,7 @@ def fmu_of(command: str, model: str | None, fit: str, params: Path | None = None
         return None
     if params:
         raise InputError(f"{command}: --params belongs to a model FILE.py:NAME, found {model}")
-    from hovercontrol.fmi.replay.plant import fmu_plant
+    from hovercontrol.fmi.replay.opened import fmu_plant
 
     return fmu_plant(model, listed(fit, "--fit") or [])
 
