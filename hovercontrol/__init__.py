@@ -50,7 +50,8 @@ if TYPE_CHECKING:
     from hovercontrol.estimators.observability import observability
     from hovercontrol.estimators.regression import regression
     from hovercontrol.estimators.unscented import unscented_kalman
-    from hovercontrol.fmi.replay.plant import FmuPlant, fmu_plant
+    from hovercontrol.fmi.replay.opened import fmu_plant
+    from hovercontrol.fmi.replay.plant import FmuPlant
     from hovercontrol.guidance import (
         command_filter,
         course_control,

@@ -174,7 +174,7 @@ def fmu_of(command: str, model: str | None, fit: str, params: Path | None = None
         if fit:
             raise InputError(f"{command}: --fit belongs to an FMU; expected --model FILE.fmu")
         return None
-    from hovercontrol.fmi.replay.plant import fmu_plant
+    from hovercontrol.fmi.replay.opened import fmu_plant
     from hovercontrol.fmi.replay.start_values import read_csv
 
     return fmu_plant(model, listed(fit, "--fit") or [], values=read_csv(params) if params else None)

@@ -1,7 +1,7 @@
 """Stepwise simulation: inputs in, outputs out; for hardware in the loop and learning.
 
 ``block.start()`` uses plain Python floats, ``block.compile().start()`` machine code, and
-:meth:`hovercontrol.fmi.importer.imported.FmuSystem.start` an FMU. All three runners have the same methods.
+:meth:`hovercontrol.fmi.importer.system.FmuSystem.start` an FMU. All three runners have the same methods.
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ import pytest
 from hovercontrol.errors import InputError
 from hovercontrol.fmi import load
 from hovercontrol.fmi.importer import worker
-from hovercontrol.fmi.importer.imported import FmuSystem
+from hovercontrol.fmi.importer.system import FmuSystem
 
 from .probe import STEP, TROUBLE, T, U, exact, write_fmu
 

@@ -8,7 +8,7 @@ from hovercontrol.display.block import UNFOLDED
 from hovercontrol.display.html import card, fold, table
 
 if TYPE_CHECKING:
-    from hovercontrol.fmi.importer.imported import FmuSystem
+    from hovercontrol.fmi.importer.system import FmuSystem
 
 
 def fmu_html(fmu: FmuSystem) -> str:

@@ -18,7 +18,7 @@ from hovercontrol.fmi.importer.instance import Engine, FmuError, RunEnded
 from hovercontrol.simulation.runner import Inputs, Runner, Snapshot
 
 if TYPE_CHECKING:
-    from hovercontrol.fmi.importer.imported import FmuSystem
+    from hovercontrol.fmi.importer.system import FmuSystem
     from hovercontrol.fmi.importer.unpacked import Unpacked
 
 Array = NDArray[np.float64]

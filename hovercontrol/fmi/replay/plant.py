@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from xml.etree import ElementTree
 
 import numpy as np
 import sympy as sp
@@ -16,17 +15,15 @@ from numpy.typing import NDArray
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.core.signals import Signal
-from hovercontrol.core.units import is_plain_si
 from hovercontrol.effects import Effect
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.fmi.around import Around
-from hovercontrol.fmi.importer.interface import REALS, Interface, Kind, Variable
-from hovercontrol.fmi.importer.unpacked import Source, open_source
-from hovercontrol.fmi.importer.values import checked_name
+from hovercontrol.fmi.importer.interface import Interface
+from hovercontrol.fmi.importer.unpacked import Source
 from hovercontrol.fmi.replay.added import Added
+from hovercontrol.fmi.replay.parameters import Parameter, parameters_of
 from hovercontrol.fmi.replay.runs import RunFailed, Runs
 from hovercontrol.fmi.replay.signals import driven, through
-from hovercontrol.io.files import readable
 
 Array = NDArray[np.float64]
 
@@ -39,31 +36,6 @@ FINE = 12
 #: Parts of that time in which the outputs are computed where a lag follows them: between two values an output
 #: is taken as linear, so a lag T errs by (h/T)^2/12 of the rise for values h apart.
 FINE_AFTER = 3
-
-
-@dataclass(frozen=True)
-class Parameter:
-    """A parameter of an FMU: from its model description."""
-
-    name: str
-    unit: str
-    start: float
-    lower: float
-    upper: float
-    description: str
-
-    def check(self, value: float, name: str = "") -> float:
-        """Return a value that is within the bounds.
-
-        Raises
-        ------
-        InputError
-            If it is outside.
-        """
-        if self.lower <= value <= self.upper:
-            return value
-        bounds = f"[{self.lower:g}, {self.upper:g}]"
-        raise InputError(f"{name or self.name} = {value:.9g} {self.unit} is out of its bounds {bounds}")
 
 
 @checked
@@ -140,15 +112,7 @@ class FmuPlant:
     @cached_property
     def parameters(self) -> dict[str, Parameter]:
         """The FMU's parameters that are real numbers, by name."""
-        bounds = bounds_of(self.source.unpacked.folder / "modelDescription.xml")
-        found = {}
-        for v in self.interface.parameters:
-            if v.kind in REALS:
-                texts = zip(v.labels, v.start, v.units, v.descriptions, strict=True)
-                for label, start, unit, description in texts:
-                    lower, upper = bounds.get(v.reference, (-math.inf, math.inf))
-                    found[label] = Parameter(label, unit, start, lower, upper, description)
-        return found
+        return parameters_of(self.source)
 
     @cached_property
     def reading(self) -> Block:
@@ -277,7 +241,20 @@ class FmuPlant:
         return next(n for n in range(FINE_AFTER, 0, -1) if pieces % n == 0)
 
     def at(self, time: Array, inputs: Array, states: Sequence[float] | None) -> Array:
-        """Return the measured outputs, and the states, at the rows; arguments as of :meth:`raw`.
+        """Return the measured outputs, and the states, at the rows.
+
+        Parameters
+        ----------
+        time : ndarray, shape (K,)
+            [s]
+        inputs : ndarray, shape (K, n_inputs)
+            As they are given; held from row to row.
+        states : sequence of float, optional
+            Continuous states at the first row; None: the FMU's.
+
+        Returns
+        -------
+        ndarray, shape (K, n_outputs + n_states)
 
         Raises
         ------
@@ -380,144 +357,3 @@ def structure(around: Around) -> tuple[Block | None, Block | None, Added | None]
         added = Added.of(around.added, places) if around.in_equations else None
         _STRUCTURES[key] = around.before, around.after, added
     return _STRUCTURES[key]
-
-
-@checked
-def fmu_plant(
-    path: str | Path,
-    fit: Sequence[str] = (),
-    *,
-    values: Mapping[str, float] | None = None,
-    kind: Kind | None = None,
-    free_start: bool = True,
-    laws_in: Sequence[str] = (),
-    isolated: bool = True,
-    timeout: float = 60.0,
-    strict: bool = True,
-    name: str | None = None,
-) -> FmuPlant:
-    """Return an FMU (FMI 2.0 or 3.0) as a model for :func:`hovercontrol.identify` and ``diagnose``.
-
-    **An FMU is a program** that runs with your rights; see :func:`hovercontrol.fmi.load`.
-
-    Parameters
-    ----------
-    path : path
-    fit : sequence of str, optional
-        Parameters that a fit estimates, by the FMU's names; the others keep their values.
-    values : mapping of str to float, optional
-        Values in place of the FMU's start values.
-    kind : {"CoSimulation", "ModelExchange"}, optional
-        Default: Model Exchange if the FMU has it, for its states can then be set.
-    free_start : bool, optional
-        Whether the states at the start of each log are estimated (Model Exchange only). If not, and for
-        Co-Simulation, each log begins at the FMU's start.
-    laws_in : sequence of str, optional
-        Continuous states to whose derivatives ``diagnose`` may add a law (an offset, drag, dry friction);
-        Model Exchange only.
-    isolated : bool, optional
-        Run the FMU in a process of its own, so that its crash or hang is an error here.
-    timeout : float, optional
-        Longest time for one run over a log [s].
-    strict : bool, optional
-        Whether an FMU whose description breaks the standard is refused.
-    name : str, optional
-        Default: the FMU's model identifier.
-
-    Returns
-    -------
-    FmuPlant
-
-    Raises
-    ------
-    InputError
-        If the FMU cannot be used, or has no such parameter.
-
-    Examples
-    --------
-    >>> plant = fmu_plant("plant.fmu", fit=["mass"])  # doctest: +SKIP
-    >>> found = hc.identify(plant, [hc.read_log("run.csv")])  # doctest: +SKIP
-    """
-    path = readable(path, "an FMU")
-    if not isinstance(timeout, (int, float)) or not 0 < timeout < math.inf:
-        raise InputError(f"{path}: timeout [s] must be a positive number, found {timeout!r}")
-    source = _open(path, kind, strict)
-    try:
-        interface = source.interface
-        called = checked_name(interface, name)
-        exchange = interface.kind == "ModelExchange"
-        states = _signals(interface.states)
-        derivatives = [label for v in interface.derivatives for label in v.labels]
-        around = Around(
-            _signals(interface.inputs),
-            _signals(interface.outputs),
-            states,
-            tuple(zip((s.name for s in states), derivatives, strict=True)),
-        )
-        runs = Runs(source, called, isolated, float(timeout))
-        free = free_start and exchange and bool(states)
-        plant = FmuPlant(called, source, runs, tuple(fit), {}, around, free, tuple(laws_in))
-        known = [s.name for s in states]
-        for one in laws_in:
-            if one not in known:
-                raise InputError(f"{path}: no continuous state {one!r}{did_you_mean(one, known)}")
-        for one in fit:
-            plant.value(one)
-            if list(fit).count(one) > 1:
-                raise InputError(f"{path}: the parameter {one!r} is listed twice")
-        return plant.with_values(values or {})
-    except BaseException:
-        source.unpacked.release()
-        raise
-
-
-def _open(path: Path, kind: Kind | None, strict: bool) -> Source:
-    if kind is not None:
-        return open_source(path, kind, strict)
-    source = open_source(path, None, strict)
-    if source.interface.kind == "CoSimulation":
-        try:
-            other = open_source(path, "ModelExchange", strict)
-        except InputError:
-            return source
-        source.unpacked.release()
-        return other
-    return source
-
-
-def _signals(variables: Sequence[Variable]) -> tuple[Signal, ...]:
-    """Return the elements of variables as signals; a unit that is not SI counts as no unit."""
-    found = []
-    for v in variables:
-        starts = v.start or (0.0,) * len(v.labels)
-        for label, start, unit, text in zip(v.labels, starts, v.units, v.descriptions, strict=True):
-            unit = unit or "1"
-            try:
-                unit = unit if is_plain_si(unit) else "1"
-            except InputError:
-                unit = "1"
-            found.append(Signal(_word(label), unit, text, start=start))
-    return tuple(found)
-
-
-def _word(label: str) -> str:
-    """Return a label as the name of a signal: ``der(x)`` becomes ``der_x``."""
-    try:
-        Signal(label)
-    except InputError:
-        stem = "".join(c if c.isalnum() or c == "_" else "_" for c in label).strip("_")
-        return stem if stem[:1].isalpha() else f"v_{stem}"
-    return label
-
-
-def bounds_of(path: Path) -> dict[int, tuple[float, float]]:
-    """Return the bounds of real variables by value reference, from the model description."""
-    found = {}
-    for element in ElementTree.parse(path).getroot().iterfind("ModelVariables/*"):
-        reference = element.get("valueReference", "")
-        real = element.find("Real")
-        place = element if real is None else real
-        if reference.isdigit():
-            lower, upper = float(place.get("min", "-inf")), float(place.get("max", "inf"))
-            found[int(reference)] = (lower, upper)
-    return found
