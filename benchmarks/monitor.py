@@ -223,6 +223,7 @@ def bound(run: Ticking, log: dict[str, Array], rate: float) -> float:
 
 def rows(hours: dict[float, float] | None = None) -> Iterator[tuple[str, str, str, bool | None]]:
     log = motion()
+    yield from delays(log)
     for gusts in (False, True):
         label, first = "with gusts" if gusts else "white noise", None
         for asked, simulated in (hours or HOURS).items():
@@ -242,7 +243,6 @@ def rows(hours: dict[float, float] | None = None) -> Iterator[tuple[str, str, st
                 f"{asked:g} +- 10 %" if enough else f"{asked:g} in the interval",
                 abs(measured / asked - 1) <= 0.1 if enough else low <= expected <= high,
             )
-    yield from delays(log)
 
 
 def delays(log: hc.Log, rate: float = 1.0, seeds: int = 10) -> Iterator[tuple[str, str, str, bool | None]]:

@@ -1,9 +1,9 @@
 r"""Candidates that are not proportional to their coefficient, at the estimate of the named change.
 
 A candidate changes the derivatives by ``a(x, q)``, with its own states ``x' = f(x, q)`` and its coefficient
-q. Before it is named, q has its trial value. Then q is the trial value times ``(theta + V)/(1 + V)``, the mean
-of the estimate theta, of variance V, and of 1, of variance 1: a first estimate that says little does not move
-q. The slope da/dq includes that of the states, S = dx/dq:
+q. Before it is named, q has its trial value. Then q is the trial value times ``(theta + V)/(1 + V)``, the
+mean of the estimate theta, of variance V, and of 1, of variance 1: a first estimate that says little does not
+move q. The slope da/dq includes that of the states, S = dx/dq:
 
     S <- Phi_x S + Phi_q,    da/dq = a_x S + a_q,
 
@@ -13,7 +13,7 @@ from tick to tick, x moves by S dq.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import sympy as sp
@@ -54,7 +54,7 @@ class AtTheEstimate:
     ----------
     drive : mapping of int to sympy.Matrix, shape (n, 1)
         Change of the state over the tick per unit of a rate added to the derivative of each state.
-    now, then : (sympy.Expr, sympy.Expr, sympy.Expr)
+    now, then : sequence of three sympy.Expr
         Number of the named candidate, from 1, its amplitude and the variance of that, before and after this
         tick.
 
@@ -70,8 +70,8 @@ class AtTheEstimate:
         memory: Memory,
         drive: Mapping[int, sp.Matrix],
         period: float,
-        now: tuple[sp.Expr, sp.Expr, sp.Expr],
-        then: tuple[sp.Expr, sp.Expr, sp.Expr],
+        now: Sequence[sp.Expr],
+        then: Sequence[sp.Expr],
     ) -> None:
         self._write, self._memory, self._drive, self._period = write, memory, drive, period
         self._now, self._then = now, then
@@ -80,6 +80,7 @@ class AtTheEstimate:
 
     def write(self, c: Candidate, j: int, names: list[str]) -> Sized:
         """Write a candidate, the j-th from 0; `names` are those of the plant's states."""
+        assert c.number is not None
         write, name = self._write, f"sized_{j}"
         own = [s.replace(name=f"{c.name}.sized.{s.name}") for s in c.memory]
         size = Signal(f"{name}_q", c.unit)
@@ -121,6 +122,7 @@ class AtTheEstimate:
         self, name: str, c: Candidate, j: int, named: sp.Expr, theta: sp.Expr, V: sp.Expr
     ) -> sp.Expr:
         """Write q: from the estimate, within limits, if the candidate is named, else the trial value."""
+        assert c.number is not None
         least = max(LEAST, min(1.0, SHORTEST * self._period / abs(c.scale))) if c.memory else LEAST
         size = c.number * sp.Max(least, sp.Min((theta + V) / (1 + V), MOST))
         return self._write.define(
