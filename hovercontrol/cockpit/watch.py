@@ -36,8 +36,9 @@ HOLD = 5.0
 #: Alarms that the page lists, the last ones.
 LISTED = 5
 
-#: Wind reaches the craft through air drag only, and then it is to the pose what a slope is.
-ALIKE = {"slope_x": "wind", "slope_y": "wind"}
+#: Wind reaches the craft through air drag only, and then it is to the pose what a slope is. The tests are
+#: linear in a change: a large drag in yaw is named dry friction.
+ALIKE = {"slope_x": "wind", "slope_y": "wind", "yaw_coulomb": "yaw_linear_drag"}
 
 
 @lru_cache(maxsize=2)
@@ -137,6 +138,6 @@ class Watch:
 
 def _shown(alarm: Alarm) -> dict[str, Any]:
     found = alarm_json(alarm)
-    if alarm.name in ALIKE:
+    if alarm.name in ALIKE and ALIKE[alarm.name] not in alarm.rivals:
         found["rivals"] = [*found["rivals"], ALIKE[alarm.name]]
     return found

@@ -156,7 +156,7 @@ def _made(
     try:
         cls = model.effect_class(one)
     except InputError:
-        known = [*own, *(f"{c}_bias" for c in measured), *(c.name for c in model.candidates())]
+        known = dict.fromkeys([*own, *(f"{c}_bias" for c in measured), *(c.name for c in model.candidates())])
         raise InputError(f"{name}: candidates: unknown name {shown(one)}{did_you_mean(one, known)}") from None
     return _of_effect(model, plant, cls, _trial(cls, model, sizes), measured, name)
 

@@ -131,7 +131,7 @@ def _assembled(design: Design, threshold: float, floors: Sequence[float]) -> tup
     at_now, at_then = (tuple(sp.Symbol(key, real=True) for key in some) for some in keys)
     at = AtTheEstimate(write, memory, drive, design.period, at_now, at_then)
     sized = {j: at.write(c, j, [s.name for s in plant]) for j, c in enumerate(design.candidates) if c.curved}
-    limits = [bounds_of(c, memory) for c in design.candidates]
+    limits = [_bounds(c, design, now) for c in design.candidates]
     decision = decide(
         write, design.candidates, bank, plant, then.P, own.floors, limits, own.threshold.symbol,
         LATCHED.symbol, settled, sensors.dead, model.measured, step, sized,
@@ -156,9 +156,14 @@ def _assembled(design: Design, threshold: float, floors: Sequence[float]) -> tup
     return block, bank
 
 
-def bounds_of(c: Candidate, memory: Memory) -> tuple[sp.Expr, sp.Expr]:
-    """Return the bounds of a candidate's theta at the estimate; zero lies between them."""
-    lower, upper = memory.at(c, c.lower), memory.at(c, c.upper)
+def _bounds(c: Candidate, design: Design, now: Estimate) -> tuple[sp.Expr, sp.Expr]:
+    """Return the bounds of a candidate's theta; zero lies between them.
+
+    An uncertain coefficient is a state of the filter, and has the value of its estimate.
+    """
+    name, plant = design.model.name, design.model.plant.states
+    here = {sp.Symbol(f"{name}.{s.name}", real=True): e for s, e in zip(plant, now.x, strict=True)}
+    lower, upper = c.lower.xreplace(here), c.upper.xreplace(here)
     return (
         lower if lower.is_number else sp.Min(lower, 0),
         upper if upper.is_number else sp.Max(upper, 0),

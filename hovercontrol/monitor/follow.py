@@ -166,7 +166,13 @@ def follow(
     if last is not None:
         for event, alarm in alarms.end(last.time):
             yield {"event": event, **alarm_json(alarm)}
-    yield {"event": "end", "alarms": len(alarms.found), "late_rows": feed.late, "bad_rows": rows.bad}
+    yield {
+        "event": "end",
+        "alarms": len(alarms.found),
+        "late_rows": feed.late,
+        "bad_rows": rows.bad,
+        "restarts": feed.restarts,
+    }
 
 
 def _events(feed: Feed, alarms: Alarms, tick: Tick) -> Iterator[dict[str, Any]]:

@@ -120,6 +120,8 @@ def refine(
     )
 
     def of_named(name: str, values: Sequence[sp.Expr]) -> sp.Expr:
+        if all(v == values[0] for v in values):
+            return values[0]
         pairs = [(v, which < j + 1.5) for j, v in enumerate(values[:-1])]
         return write.define(name, sp.Piecewise(*pairs, (values[-1], True), evaluate=False))
 

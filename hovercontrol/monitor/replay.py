@@ -19,7 +19,7 @@ from hovercontrol.io.pyplot import open_in_pyplot
 from hovercontrol.io.tables import positive
 from hovercontrol.logs.log import Log
 from hovercontrol.monitor.alarms import HOLD, Alarm, Alarms
-from hovercontrol.monitor.feed import Feed, Tick, candidates_in
+from hovercontrol.monitor.feed import LONGEST_GAP, Feed, Tick, candidates_in
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -79,6 +79,11 @@ class Replayed:
         lines = list(self.notes)
         if self.late:
             lines.append(f"{self.log}: {self.late} rows left out: their time does not increase")
+        if self.restarts:
+            lines.append(
+                f"{self.log}: gaps of more than {LONGEST_GAP:g} s: {self.restarts}; the monitor starts anew "
+                "after each"
+            )
         if not self.alarms:
             lines.append(f"{self.log}: nothing changed in {self.seconds:.1f} s")
         for alarm in self.alarms:
@@ -227,6 +232,11 @@ def replay(
             raise InputError(
                 f"replay: log {log.name!r} has no column {name!r}{did_you_mean(name, log.columns)}"
             )
+    seconds, settle_time = float(log.time[-1] - log.time[0]), parameter_of(watch, "settle")
+    if seconds <= settle_time:
+        raise InputError(
+            f"replay: log {log.name!r} lasts {seconds:g} s: the tests begin {settle_time:g} s after the start"
+        )
     columns = [(name, log[name]) for name in names]
     ticks: list[Tick] = []
     for k, time in enumerate(log.time.tolist()):
@@ -280,4 +290,9 @@ def _replayed(
 
 def threshold_of(watch: Block) -> float:
     """Return the threshold of the evidence of a monitor."""
-    return float(next(p.start for p in watch.parameters if p.name.rpartition(".")[2] == "threshold"))
+    return parameter_of(watch, "threshold")
+
+
+def parameter_of(watch: Block, name: str) -> float:
+    """Return the value of one of a monitor's own parameters."""
+    return float(next(p.start for p in watch.parameters if p.name.rpartition(".")[2] == name))

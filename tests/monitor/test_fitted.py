@@ -42,7 +42,8 @@ def test_a_change_of_an_uncertain_coefficient_is_put_into_its_estimate():
         cart(), ["c"], false_alarms_per_hour=1.0, period=PERIOD, measured=["v"],
         process_noise={"v": 0.05}, measurement_noise={"v": 0.02}, coefficient_std={"c": 0.02},
     )  # fmt: skip
-    feed, place = Feed(block), [s.description for s in block.states].index("estimate of c")
+    feed = Feed(block)
+    place = [s.description for s in feed._compiled.block.states].index("estimate of c")
     rows = [{"v": 0.01 * k, "F": 0.1} for k in range(4)]
     list(feed.rows(0.0, rows[0]))
     list(feed.rows(PERIOD, rows[1]))

@@ -102,6 +102,7 @@ def test_after_a_long_gap_the_monitor_starts_anew(watch):
     )
     found = hc.replay(watch, both)
     assert found.restarts == 1 and found.time.size < 900
+    assert "cart.csv: gaps of more than 30 s: 1; the monitor starts anew after each" in found.text()
     (alarm,) = found.alarms
     assert alarm.name == "c" and abs(alarm.since - 1e6 - 30.0) < 2.0
 
@@ -220,3 +221,8 @@ def test_what_is_no_monitor_or_lacks_a_column_is_one_line(watch):
         hc.replay(watch, hc.Log("cart.csv", [0.0, 0.1], {"p": [0.0, 0.0]}))
     with pytest.raises(InputError, match="hold"):
         hc.replay(watch, log(1.0), hold=0.0)
+
+
+def test_a_log_that_ends_before_the_tests_begin_is_refused(watch):
+    with pytest.raises(InputError, match=r"lasts 1\.9 s: the tests begin 2 s after the start"):
+        hc.replay(watch, log(2.0))
