@@ -12,7 +12,8 @@ from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.fmi.importer.interface import REALS
 from hovercontrol.fmi.replay.output_error import accurate, refine
-from hovercontrol.fmi.replay.plant import FmuPlant, bounds_of
+from hovercontrol.fmi.replay.parameters import bounds_of
+from hovercontrol.fmi.replay.plant import FmuPlant
 from hovercontrol.fmi.replay.rows import Rows, filled, rows_of
 from hovercontrol.fmi.replay.runs import RunFailed
 from hovercontrol.fmi.replay.unknowns import Unknowns
