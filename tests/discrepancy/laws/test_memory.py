@@ -92,7 +92,8 @@ def shaken(seed: int) -> hc.Log:
     pull = np.array([0.0, fast**2, fast])
     rate = np.array([-DRAG, 0.0, 0.0]) + 0.3 * pull
     slopes = np.array([rate, [0.0, 0.0, 1.0], -pull - rate])
-    A, B, *_ = cont2discrete((slopes, [[GAIN], [0.0], [-GAIN]], np.eye(3), np.zeros((3, 1))), DT)
+    push = np.array([[GAIN], [0.0], [-GAIN]])
+    A, B, *_ = cont2discrete((slopes, push, np.eye(3), np.zeros((3, 1))), DT)
     x = np.zeros((N, 3))
     for k in range(N - 1):
         x[k + 1] = A @ x[k] + B[:, 0] * command[k]
