@@ -6,6 +6,7 @@ import asyncio
 import math
 import mimetypes
 import os
+import re
 import shutil
 import stat
 import tempfile
@@ -95,7 +96,8 @@ class Shelf:
         try:
             columns = await asyncio.to_thread(log_columns, path)
         except InputError as error:
-            raise web.HTTPBadRequest(text=str(error).replace(str(path), name or path.name)) from None
+            text = re.sub(r" \(--columns [^)]*\)", "", str(error))  # an option of other commands
+            raise web.HTTPBadRequest(text=text.replace(str(path), name or path.name)) from None
         return web.json_response({"name": name or path.name, "columns": columns})
 
 

@@ -294,7 +294,7 @@ async def test_a_log_sent_by_the_page_is_shown_or_refused_in_one_line(client, tm
         (b"\x00\xff\x00,\xfe", "binary"),
         (b"time,x,y\n0,1,2\n", "no column 'psi'"),
         (b"time,u,v,r\n0,1,2,0\n0.1,1,2,0\n", "expected the pose"),
-        (b"time,x,y,psi\n0,1,2,3\n0,1,2,3\n", "time"),
+        (b"time,x,y,psi\n0,1,2,3\n0,1,2,4\n", "time"),
     ]:
         answer = await client.post("/upload?name=/tmp/bad.csv", data=body, headers=headers)
         line = await answer.text()
