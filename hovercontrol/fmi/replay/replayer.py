@@ -24,6 +24,7 @@ from hovercontrol.fmi.importer.continuous import Continuous
 from hovercontrol.fmi.importer.instance import STATUS, FmuError, Instance, RunEnded
 from hovercontrol.fmi.importer.interface import Interface
 from hovercontrol.fmi.importer.point import all_doubles, references
+from hovercontrol.fmi.importer.ticking import instance_of
 from hovercontrol.fmi.replay.added import Added
 from hovercontrol.targets.compiler import NoCompilerError, load_library
 
@@ -71,13 +72,13 @@ class Replayer:
     def __init__(self, folder: Path, interface: Interface, name: str) -> None:
         self._interface = interface
         self._exchange = interface.kind == "ModelExchange"
-        self._engine: Instance = (Continuous if self._exchange else Instance)(folder, interface, name)
+        self._engine: Instance = (Continuous if self._exchange else instance_of)(folder, interface, name)
         self._times: dict[str, Array] = {}
         self._n = sum(len(v.labels) for v in interface.states)
         self._inputs = sum(len(v.labels) for v in interface.inputs)
         self._outputs = sum(len(v.labels) for v in interface.outputs)
         self._plain = all_doubles((*interface.inputs, *interface.outputs))
-        self._plain = self._plain and not any(v.discrete for v in interface.inputs)
+        self._plain = self._plain and not any(v.discrete for v in interface.inputs) and not interface.clocks
         self._plain = self._plain and max(self._n, interface.indicators) <= _MOST
         self._library = self._built() if self._plain else None
 
