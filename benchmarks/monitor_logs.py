@@ -67,7 +67,7 @@ def rows() -> Iterator[tuple[str, str, str, bool | None]]:
         ("fitted model, its errors known", craft, [], std),
         ("lag not in the model", lacking, ["fan_lag"], {}),
     ):
-        # the lag itself would count as dispersion of the model without it: the largest one of the model with it
+        # without the lag in the model, the lag would count as dispersion: take the largest of the one with it
         names = [*model.linear_coefficients(), *(f"{c}_bias" for c in POSE), *more]
         begin, louder = time.perf_counter(), largest**0.5 if more else 1.0
         block = monitor(
