@@ -1,38 +1,20 @@
 /* The functions of FMI 2.0 of a corrected FMU. Other variables than those of hc_around.h, and their types, are the inner
- * FMU's own.
+ * FMU's own. What FMI 3.0 defines alike is in hc_around_shared.h.
  */
-#include "hc_around.h"
 #include "hc_inner_fmi2.h"
+
+#include "hc_around_shared.h"
 
 #include <float.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#define ENTER(function, allowed)                                                                                      \
-    hc_around *c = instance;                                                                                          \
-    if (!hc_around_enter(c, "fmi2" #function, allowed))                                                               \
-    return fmi2Error
-/* Call the inner FMU's function. */
-#define PASS(function, ...) (fmi2Status)hc_around_passed(c, (int)c->inner->function(c->inner->component, __VA_ARGS__))
-#define PASS_PLAIN(function) (fmi2Status)hc_around_passed(c, (int)c->inner->function(c->inner->component))
 #define NOT_SUPPORTED(what) return (fmi2Status)hc_around_fail(c, "not supported: %s", what)
 
 static void emit(const hc_log_type *log, int status, const char *category, const char *message)
 {
     ((fmi2CallbackLogger)log->callback)(log->environment, log->instance, (fmi2Status)status, category, "%s", message);
-}
-
-static void release(hc_around *c)
-{
-    if (!c)
-        return;
-    if (c->inner && c->inner->component)
-        c->inner->FreeInstance(c->inner->component);
-    if (c->inner && c->inner->library)
-        hc_library_close(c->inner->library);
-    free(c->inner);
-    hc_around_free(c);
 }
 
 const char *FMI2(GetTypesPlatform)(void)
@@ -83,17 +65,6 @@ failed:
     return NULL;
 }
 
-void FMI2(FreeInstance)(HC_ARGUMENTS)
-{
-    release(instance);
-}
-
-fmi2Status FMI2(SetDebugLogging)(HC_ARGUMENTS, fmi2Boolean on, size_t n, const fmi2String categories[])
-{
-    ENTER(SetDebugLogging, ANY);
-    return PASS(SetDebugLogging, on, n, categories);
-}
-
 fmi2Status FMI2(SetupExperiment)(HC_ARGUMENTS, fmi2Boolean has_tolerance, fmi2Real tolerance, fmi2Real start,
                                  fmi2Boolean has_stop, fmi2Real stop)
 {
@@ -111,31 +82,6 @@ fmi2Status FMI2(EnterInitializationMode)(HC_ARGUMENTS)
     if (status < fmi2Discard)
         c->state = HC_INITIALIZATION;
     return status;
-}
-
-fmi2Status FMI2(ExitInitializationMode)(HC_ARGUMENTS)
-{
-    fmi2Status status;
-    ENTER(ExitInitializationMode, HC_INITIALIZATION);
-    if (hc_around_before_exit(c) >= HC_DISCARD)
-        return fmi2Error;
-    status = PASS_PLAIN(ExitInitializationMode);
-    return status < fmi2Discard ? (fmi2Status)hc_around_after_exit(c) : status;
-}
-
-fmi2Status FMI2(Terminate)(HC_ARGUMENTS)
-{
-    ENTER(Terminate, INITIALIZED);
-    c->state = HC_TERMINATED;
-    return PASS_PLAIN(Terminate);
-}
-
-fmi2Status FMI2(Reset)(HC_ARGUMENTS)
-{
-    fmi2Status status;
-    ENTER(Reset, ANY);
-    status = PASS_PLAIN(Reset);
-    return status < fmi2Discard ? (fmi2Status)hc_around_start(c) : status;
 }
 
 /* ---- values ---- */
@@ -244,12 +190,6 @@ fmi2Status FMI2(NewDiscreteStates)(HC_ARGUMENTS, fmi2EventInfo *info)
     return (fmi2Status)status;
 }
 
-fmi2Status FMI2(EnterContinuousTimeMode)(HC_ARGUMENTS)
-{
-    ENTER(EnterContinuousTimeMode, HC_EVENT);
-    return (fmi2Status)hc_around_enter_continuous(c);
-}
-
 fmi2Status FMI2(CompletedIntegratorStep)(HC_ARGUMENTS, fmi2Boolean no_return, fmi2Boolean *enter_event_mode,
                                          fmi2Boolean *terminate)
 {
@@ -264,28 +204,10 @@ fmi2Status FMI2(SetTime)(HC_ARGUMENTS, fmi2Real time)
     return (fmi2Status)hc_around_set_time(c, time);
 }
 
-fmi2Status FMI2(SetContinuousStates)(HC_ARGUMENTS, const fmi2Real states[], size_t n)
-{
-    ENTER(SetContinuousStates, HC_CONTINUOUS_TIME);
-    return (fmi2Status)hc_around_set_states(c, states, n);
-}
-
 fmi2Status FMI2(GetDerivatives)(HC_ARGUMENTS, fmi2Real derivatives[], size_t n)
 {
     ENTER(GetDerivatives, HC_INITIALIZATION | HC_EVENT | HC_CONTINUOUS_TIME);
     return (fmi2Status)hc_around_derivatives(c, derivatives, n);
-}
-
-fmi2Status FMI2(GetEventIndicators)(HC_ARGUMENTS, fmi2Real indicators[], size_t n)
-{
-    ENTER(GetEventIndicators, HC_INITIALIZATION | HC_EVENT | HC_CONTINUOUS_TIME);
-    return (fmi2Status)hc_around_indicators(c, indicators, n);
-}
-
-fmi2Status FMI2(GetContinuousStates)(HC_ARGUMENTS, fmi2Real states[], size_t n)
-{
-    ENTER(GetContinuousStates, HC_INITIALIZATION | HC_EVENT | HC_CONTINUOUS_TIME);
-    return (fmi2Status)hc_around_get_states(c, states, n);
 }
 
 fmi2Status FMI2(GetNominalsOfContinuousStates)(HC_ARGUMENTS, fmi2Real nominals[], size_t n)

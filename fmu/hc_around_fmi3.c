@@ -1,7 +1,10 @@
 /* The functions of FMI 3.0 of a corrected FMU. Other variables than those of hc_around.h, and their types, are the inner
- * FMU's own. It has no clocks and no event mode in Co-Simulation, see hc_around_fmi3_values.c.
+ * FMU's own. It has no clocks and no event mode in Co-Simulation, see hc_around_fmi3_values.c. What FMI 2.0 defines alike is
+ * in hc_around_shared.h.
  */
-#include "hc_around_calls.h"
+#include "hc_inner_fmi3.h"
+
+#include "hc_around_shared.h"
 
 #include <float.h>
 #include <stdio.h>
@@ -11,18 +14,6 @@
 static void emit(const hc_log_type *log, int status, const char *category, const char *message)
 {
     ((fmi3LogMessageCallback)log->callback)(log->environment, (fmi3Status)status, category, message);
-}
-
-static void release(hc_around *c)
-{
-    if (!c)
-        return;
-    if (c->inner && c->inner->component)
-        c->inner->FreeInstance(c->inner->component);
-    if (c->inner && c->inner->library)
-        hc_library_close(c->inner->library);
-    free(c->inner);
-    hc_around_free(c);
 }
 
 const char *FMI3(GetVersion)(void)
@@ -108,17 +99,6 @@ fmi3Instance FMI3(InstantiateCoSimulation)(fmi3String name, fmi3String token, fm
     return made(c, place);
 }
 
-void FMI3(FreeInstance)(HC_ARGUMENTS)
-{
-    release(instance);
-}
-
-fmi3Status FMI3(SetDebugLogging)(HC_ARGUMENTS, fmi3Boolean on, size_t n, const fmi3String categories[])
-{
-    ENTER(SetDebugLogging, ANY);
-    return PASS(SetDebugLogging, on, n, categories);
-}
-
 fmi3Status FMI3(EnterInitializationMode)(HC_ARGUMENTS, fmi3Boolean has_tolerance, fmi3Float64 tolerance,
                                          fmi3Float64 start, fmi3Boolean has_stop, fmi3Float64 stop)
 {
@@ -130,31 +110,6 @@ fmi3Status FMI3(EnterInitializationMode)(HC_ARGUMENTS, fmi3Boolean has_tolerance
     if (status < fmi3Discard)
         c->state = HC_INITIALIZATION;
     return status;
-}
-
-fmi3Status FMI3(ExitInitializationMode)(HC_ARGUMENTS)
-{
-    fmi3Status status;
-    ENTER(ExitInitializationMode, HC_INITIALIZATION);
-    if (hc_around_before_exit(c) >= HC_DISCARD)
-        return fmi3Error;
-    status = PASS_PLAIN(ExitInitializationMode);
-    return status < fmi3Discard ? (fmi3Status)hc_around_after_exit(c) : status;
-}
-
-fmi3Status FMI3(Terminate)(HC_ARGUMENTS)
-{
-    ENTER(Terminate, INITIALIZED);
-    c->state = HC_TERMINATED;
-    return PASS_PLAIN(Terminate);
-}
-
-fmi3Status FMI3(Reset)(HC_ARGUMENTS)
-{
-    fmi3Status status;
-    ENTER(Reset, ANY);
-    status = PASS_PLAIN(Reset);
-    return status < fmi3Discard ? (fmi3Status)hc_around_start(c) : status;
 }
 
 /* ---- events ---- */
@@ -190,12 +145,6 @@ fmi3Status FMI3(UpdateDiscreteStates)(HC_ARGUMENTS, fmi3Boolean *need_update, fm
 
 /* ---- Model Exchange ---- */
 
-fmi3Status FMI3(EnterContinuousTimeMode)(HC_ARGUMENTS)
-{
-    ENTER(EnterContinuousTimeMode, HC_EVENT);
-    return (fmi3Status)hc_around_enter_continuous(c);
-}
-
 fmi3Status FMI3(CompletedIntegratorStep)(HC_ARGUMENTS, fmi3Boolean no_return, fmi3Boolean *enter_event_mode,
                                          fmi3Boolean *terminate)
 {
@@ -214,28 +163,10 @@ fmi3Status FMI3(SetTime)(HC_ARGUMENTS, fmi3Float64 time)
     return (fmi3Status)hc_around_set_time(c, time);
 }
 
-fmi3Status FMI3(SetContinuousStates)(HC_ARGUMENTS, const fmi3Float64 states[], size_t n)
-{
-    ENTER(SetContinuousStates, HC_CONTINUOUS_TIME);
-    return (fmi3Status)hc_around_set_states(c, states, n);
-}
-
 fmi3Status FMI3(GetContinuousStateDerivatives)(HC_ARGUMENTS, fmi3Float64 derivatives[], size_t n)
 {
     ENTER(GetContinuousStateDerivatives, HC_INITIALIZATION | HC_EVENT | HC_CONTINUOUS_TIME);
     return (fmi3Status)hc_around_derivatives(c, derivatives, n);
-}
-
-fmi3Status FMI3(GetEventIndicators)(HC_ARGUMENTS, fmi3Float64 indicators[], size_t n)
-{
-    ENTER(GetEventIndicators, HC_INITIALIZATION | HC_EVENT | HC_CONTINUOUS_TIME);
-    return (fmi3Status)hc_around_indicators(c, indicators, n);
-}
-
-fmi3Status FMI3(GetContinuousStates)(HC_ARGUMENTS, fmi3Float64 states[], size_t n)
-{
-    ENTER(GetContinuousStates, HC_INITIALIZATION | HC_EVENT | HC_CONTINUOUS_TIME);
-    return (fmi3Status)hc_around_get_states(c, states, n);
 }
 
 fmi3Status FMI3(GetNominalsOfContinuousStates)(HC_ARGUMENTS, fmi3Float64 nominals[], size_t n)

@@ -1,4 +1,6 @@
 /* FMI 3.0 of a corrected FMU: values and saved states, and the functions that it does not support. */
+#include "hc_inner_fmi3.h"
+
 #include "hc_around_calls.h"
 
 /* ---- values ---- */

@@ -21,6 +21,11 @@ deviations, N(0, 1) without a change, and eta_i divided likewise,
 g is twice the log-likelihood ratio (Willsky and Jones, A generalized likelihood ratio approach, IEEE TAC 21,
 1976). J0 is the information below which a window says little.
 
+An alarm is raised by b with e_i limited to +-LIMIT, so that one sample of heavy-tailed noise says little
+(Huber, Robust Statistics, 1981); after several outliers a change is likelier, and e_i is not limited. Where
+the scores of a sound log vary more than J, by the dispersion phi_j, b and J are divided by it: see
+:mod:`hovercontrol.monitor.dispersion`.
+
 Starts tau are kept in windows w = 0 ... W-1. Every ``first`` ticks window 0 begins anew; every ``2^w first``
 ticks window w takes over the start of window w - 1 and its sums. The ages of the starts are then between
 ``(2^w - 1) first`` and ``(2^(w+1) - 1) first``.
@@ -36,6 +41,9 @@ import sympy as sp
 from hovercontrol.core.signals import Signal
 from hovercontrol.estimators.ins.kalman import Correction, Equations
 
+#: Standard deviations to which an innovation is limited in the scores. Normal noise exceeds it once in 370.
+LIMIT = 3.0
+
 
 @dataclass(frozen=True)
 class Bank:
@@ -46,8 +54,8 @@ class Bank:
     states : tuple of Signal
     next_values : dict of str to sympy.Expr
         Without resets.
-    score, information : list of list of sympy.Expr
-        b and J after this tick, by candidate and window.
+    score, limited_score, information : list of list of sympy.Expr
+        b, b of limited innovations and J after this tick, divided by the dispersion, by candidate and window.
     age : list of sympy.Expr
         Ticks since the start of each window, this one included.
     columns : list of sympy.Matrix
@@ -58,15 +66,18 @@ class Bank:
     A, M, C : sympy.Matrix, shape (n, n), (n, n) and (m, n)
         Error after this tick's measurements, error before the next tick, and innovations divided by their
         standard deviations, by the error before this tick.
-    whitened : list of sympy.Expr
-        e, by measurement.
+    whitened, limited : list of sympy.Expr
+        e and its limited value, by measurement.
     own : list of list of sympy.Expr
         eta of each candidate since the start, by measurement.
+    dispersion : list of sympy.Expr
+        phi, by candidate.
     """
 
     states: tuple[Signal, ...]
     next_values: dict[str, sp.Expr]
     score: list[list[sp.Expr]]
+    limited_score: list[list[sp.Expr]]
     information: list[list[sp.Expr]]
     age: list[sp.Expr]
     columns: list[sp.Matrix]
@@ -76,7 +87,9 @@ class Bank:
     M: sp.Matrix
     C: sp.Matrix
     whitened: list[sp.Expr]
+    limited: list[sp.Expr]
     own: list[list[sp.Expr]]
+    dispersion: list[sp.Expr]
 
 
 def through(
@@ -105,6 +118,8 @@ def write_bank(
     *,
     windows: int,
     first: int,
+    dispersion: Sequence[sp.Expr],
+    many: Sequence[sp.Expr],
     hold: sp.Expr,
     raised: sp.Expr,
     best_window: sp.Expr,
@@ -125,6 +140,10 @@ def write_bank(
         b of each candidate and measurement.
     windows, first : int
         W, and the number of ticks after which window 0 begins anew.
+    dispersion : sequence of sympy.Expr
+        phi of each candidate.
+    many : sequence of sympy.Expr
+        1 for each measurement that is not limited.
     hold : sympy.Expr
         1 while no start is moved: after an alarm.
     raised, best_window : sympy.Expr
@@ -134,6 +153,11 @@ def write_bank(
     n, m, J = len(plant), len(steps), len(forced)
     root = [write.define(f"root_share[{i}]", sp.sqrt(s.share)) for i, s in enumerate(steps)]
     seen = [write.define(f"whitened[{i}]", s.innovation * root[i]) for i, s in enumerate(steps)]
+    most = sp.Float(LIMIT)
+    limited = []
+    for i, (e, every) in enumerate(zip(seen, many, strict=True)):
+        held = sp.Piecewise((e, every > sp.S.Half), (sp.Max(-most, sp.Min(e, most)), True))
+        limited.append(write.define(f"limited[{i}]", held))
     # columns of the update of the error, and rows of the innovations by the error before the tick
     etas, afters = zip(
         *(through(write, f"unit_{k}", steps, sp.eye(n)[:, k], [sp.S.Zero] * m) for k in range(n)), strict=True
@@ -183,6 +207,7 @@ def write_bank(
         following |= {f"s[{j},{i}]": new[i] for i in range(n)}
 
     score: list[list[sp.Expr]] = [[] for _ in range(J)]
+    robust: list[list[sp.Expr]] = [[] for _ in range(J)]
     information: list[list[sp.Expr]] = [[] for _ in range(J)]
     age: list[sp.Expr] = []
     before: dict[str, sp.Expr] = {}
@@ -214,13 +239,19 @@ def write_bank(
             eta = [write.define(f"eta[{w},{j},{i}]", own[j][i] - (R[i, :] * begun)[0]) for i in range(m)]
             b = state(f"b[{w},{j}]", "1", f"score of candidate {j} in window {w}")
             info = state(f"J[{w},{j}]", "1", f"information on candidate {j} in window {w}")
-            b_now = write.define(f"b_now[{w},{j}]", b + sum(e * x for e, x in zip(eta, seen, strict=True)))
-            J_now = write.define(f"J_now[{w},{j}]", info + sum(e**2 for e in eta))
+            b_limited = state(f"limited_b[{w},{j}]", "1", f"b[{w},{j}] of limited innovations")
+            phi, one = dispersion[j], list(zip(eta, seen, limited, strict=True))
+            b_now = write.define(f"b_now[{w},{j}]", b + sum(e * x for e, x, _ in one) / phi)
+            limited_now = write.define(
+                f"limited_now[{w},{j}]", b_limited + sum(e * x for e, _, x in one) / phi
+            )
+            J_now = write.define(f"J_now[{w},{j}]", info + sum(e**2 for e in eta) / phi)
             score[j].append(b_now)
+            robust[j].append(limited_now)
             information[j].append(J_now)
-            values |= {f"b[{w},{j}]": b_now, f"J[{w},{j}]": J_now}
+            values |= {f"b[{w},{j}]": b_now, f"limited_b[{w},{j}]": limited_now, f"J[{w},{j}]": J_now}
             values |= {f"begun[{w},{j},{i}]": begun[i] for i in range(n)}
-            fresh |= {f"b[{w},{j}]": sp.S.Zero, f"J[{w},{j}]": sp.S.Zero}
+            fresh |= {f"{key}[{w},{j}]": sp.S.Zero for key in ("b", "limited_b", "J")}
             fresh |= {f"begun[{w},{j},{i}]": after[j][i] for i in range(n)}
         taken = before if w else fresh
         for key, value in values.items():
@@ -228,6 +259,6 @@ def write_bank(
             following[key] = sp.Piecewise((earlier, moved[w] > sp.S.Half), (value, True))
         before = values
     return Bank(
-        tuple(states), following, score, information, age, columns,
-        pushes, jolts, A, M, C, seen, own,
+        tuple(states), following, score, robust, information, age, columns,
+        pushes, jolts, A, M, C, seen, limited, own, list(dispersion),
     )  # fmt: skip

@@ -93,6 +93,7 @@ def build(
         measured=channels,
         lost_samples=channels,
         motion=source.between(float(source.time[0]), float(source.time[0]) + MOTION),
+        dispersion=True,
     )
     report(1.0, "built")
     rate = f"threshold for {false_alarms_per_hour:g} false alarms an hour; a tick each {1e3 * period:.4g} ms"

@@ -1,7 +1,9 @@
 """The decision of a monitor: alarm, name, coefficient and rivals, as equations of its Block.
 
 The alarm is raised when the largest g of all candidates and windows exceeds the threshold, and stays until a
-reset. The name is the candidate with the largest g. A rival cannot be told apart yet if one of two holds.
+reset. Up to the alarm g is that of limited innovations, from then on that of whole ones, by which the change
+is named and sized. The name is the candidate with the largest g. A rival cannot be told apart yet if one of
+two holds.
 
 - Noise: its largest g is within ``2 ln(1/error)`` of that of the best, so that its likelihood is at least
   `error` times as large. If the rival is right, the likelihood ratio of the best to it exceeds ``1/error``
@@ -105,20 +107,30 @@ def decide(
     sized : mapping of int to Sized
         Candidates that are not proportional to their coefficient, by number from 0.
     """
+    tests = [
+        [likelihood(b, info + floor.symbol, *limit) for b, info in zip(row, infos, strict=True)]
+        for row, infos, floor, limit in zip(bank.limited_score, bank.information, floors, limits, strict=True)
+    ]
+    limited = [
+        [write.define(f"limited_g[{w},{j}]", g) for w, g in enumerate(row)] for j, row in enumerate(tests)
+    ]
+    exceeds = sp.Max(*(g for row in limited for g in row)) > threshold
+    alarm = write.define(
+        "test_alarm", sp.Piecewise((1, sp.And(exceeds, settled > sp.S.Half)), (latched, True))
+    )
+    write.define("raised", sp.Piecewise((0, latched > sp.S.Half), (alarm, True)))
+    told = alarm > sp.S.Half
     every = []  # (g, candidate, window)
     largest = []
     for j, c in enumerate(candidates):
         mine = []
         for w, (b, info) in enumerate(zip(bank.score[j], bank.information[j], strict=True)):
-            g = write.define(f"g[{w},{j}]", likelihood(b, info + floors[j].symbol, *limits[j]))
+            whole = likelihood(b, info + floors[j].symbol, *limits[j])
+            g = write.define(f"g[{w},{j}]", sp.Piecewise((whole, told), (limited[j][w], True)))
             mine.append(g)
             every.append((g, j, w))
         largest.append(write.define(f"evidence_{c.name}", sp.Max(*mine)))
     best = write.define("evidence", sp.Max(*largest))
-    alarm = write.define(
-        "test_alarm", sp.Piecewise((1, sp.And(best > threshold, settled > sp.S.Half)), (latched, True))
-    )
-    write.define("raised", sp.Piecewise((0, latched > sp.S.Half), (alarm, True)))
 
     def of_best(name: str, values: Sequence[sp.Expr]) -> sp.Expr:
         pairs = [(v, g >= best) for v, (g, _, _) in zip(values[:-1], every[:-1], strict=True)]
@@ -138,7 +150,6 @@ def decide(
 
     names = [c.name for c in candidates]
     anything = write.define("any_dead", sp.Max(*dead))
-    told = alarm > sp.S.Half
     listed = [f"{k + 1} {n}" for k, n in enumerate(names)]
     listed += [f"{len(names) + k + 1} {s.name}" for k, s in enumerate(channels)]
     output(

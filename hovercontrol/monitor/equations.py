@@ -38,13 +38,17 @@ class _Constants:
     threshold: Signal
     floors: tuple[Signal, ...]
     begin: tuple[Signal, ...]
+    dispersion: tuple[Signal, ...]
 
     @property
     def every(self) -> tuple[Signal, ...]:
-        return (self.period, self.dead_after, self.settle, self.threshold, *self.floors, *self.begin)
+        limits = (self.period, self.dead_after, self.settle, self.threshold)
+        return (*limits, *self.floors, *self.begin, *self.dispersion)
 
 
-def _constants(design: Design, threshold: float, floors: Sequence[float]) -> _Constants:
+def _constants(
+    design: Design, threshold: float, floors: Sequence[float], dispersion: Sequence[float]
+) -> _Constants:
     def constant(name: str, unit: str, text: str, start: float) -> Signal:
         return Signal(name, unit, text, start=start, lower=0.0)
 
@@ -61,10 +65,16 @@ def _constants(design: Design, threshold: float, floors: Sequence[float]) -> _Co
             constant(f"start_std_{s.name}", s.unit, f"of the error of {s.name}, after a reset", v)
             for s, v in zip(design.model.plant.states, design.model.start_std, strict=True)
         ),
+        tuple(
+            constant(f"dispersion_{c.name}", "1", f"of the scores of {c.name} along a sound log", v)
+            for c, v in zip(design.candidates, dispersion, strict=bool(dispersion))
+        ),
     )
 
 
-def monitor_block(design: Design, threshold: float, floors: Sequence[float]) -> Block:
+def monitor_block(
+    design: Design, threshold: float, floors: Sequence[float], dispersion: Sequence[float] = ()
+) -> Block:
     """Return the Block of a monitor.
 
     Parameters
@@ -72,18 +82,22 @@ def monitor_block(design: Design, threshold: float, floors: Sequence[float]) -> 
     threshold : float
     floors : sequence of float
         J0 of each candidate.
+    dispersion : sequence of float, optional
+        phi of each candidate (default: 1).
     """
-    return _assembled(design, threshold, floors)[0]
+    return _assembled(design, threshold, floors, dispersion)[0]
 
 
 def column_block(design: Design) -> Block:
     """Return the part of a monitor without an alarm that gives what the signatures follow from.
 
     Its outputs are the entries of eta of the candidates, shape (J, m), of the columns s, (J, n), of C,
-    (m, n), and of M = Phi A, (n, n), row by row: see :mod:`hovercontrol.monitor.bank`.
+    (m, n), of M = Phi A, (n, n), row by row, and of the limited e, (m,): see
+    :mod:`hovercontrol.monitor.bank`.
     """
     block, bank = _assembled(replace(design, windows=1), 1.0, [1.0] * len(design.candidates))
     every = [*(e for row in bank.own for e in row), *(e for s in bank.columns for e in s), *bank.C, *bank.M]
+    every += bank.limited
     shown = Expressions((f"column[{k}]", e) for k, e in enumerate(every))
     no_shift = {f"shift[{i}]": sp.S.Zero for i in range(len(design.model.plant.states))}
     quiet = block.unchecked(definitions=Expressions({**block.definitions, **no_shift}))
@@ -103,8 +117,10 @@ def column_block(design: Design) -> Block:
     )
 
 
-def _assembled(design: Design, threshold: float, floors: Sequence[float]) -> tuple[Block, Bank]:
-    model, write, own = design.model, Equations(), _constants(design, threshold, floors)
+def _assembled(
+    design: Design, threshold: float, floors: Sequence[float], dispersion: Sequence[float] = ()
+) -> tuple[Block, Bank]:
+    model, write, own = design.model, Equations(), _constants(design, threshold, floors, dispersion)
     plant = model.plant.states
     n, step, settle = len(plant), own.period.symbol, own.settle.symbol
     states = filter_states(model)
@@ -121,9 +137,11 @@ def _assembled(design: Design, threshold: float, floors: Sequence[float]) -> tup
     forced, bias = _effects(design, write, memory, drive)
     begun = RUNNING.symbol >= settle - step / 2
     settled = write.define("settled", sp.Piecewise((1, begun), (0, True)))
+    phi = [s.symbol for s in own.dispersion] or [sp.S.One] * len(design.candidates)
     bank = write_bank(
         write, plant, steps, Phi, forced, bias,
-        windows=design.windows, first=design.first, hold=sp.Symbol("test_alarm", real=True),
+        windows=design.windows, first=design.first, dispersion=phi, many=sensors.many,
+        hold=sp.Symbol("test_alarm", real=True),
         raised=sp.Symbol("raised", real=True), best_window=sp.Symbol("best_window", real=True),
     )  # fmt: skip
     # after an alarm, the named candidate is linearised at its estimate

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.effects import Effect
+from hovercontrol.errors import InputError
 from hovercontrol.estimators.observed import owned, plant_of
 from hovercontrol.estimators.propagation import steps_between
 from hovercontrol.io.tables import positive
@@ -33,6 +34,7 @@ from hovercontrol.logs.log import Log
 from hovercontrol.models.interface import AnyModel, as_model
 from hovercontrol.monitor.candidates import Candidate, candidates_of
 from hovercontrol.monitor.design import Design, estimation_model
+from hovercontrol.monitor.dispersion import dispersion_of, divided
 from hovercontrol.monitor.equations import monitor_block
 from hovercontrol.monitor.motion import motion_of
 from hovercontrol.monitor.signatures import along_motion
@@ -66,6 +68,7 @@ def monitor(
     settle: float = 2.0,
     repeats: bool = False,
     motion: Log | None = None,
+    dispersion: bool = False,
     substeps: int | None = None,
     name: str = "monitor",
 ) -> Block:
@@ -114,6 +117,10 @@ def monitor(
     motion : Log, optional
         A typical run with the measured channels and the commands, along which the threshold is computed
         (default: 60 s of the model under random steps of its commands).
+    dispersion : bool, optional
+        Whether `motion` is a measured log in which nothing changes. Each candidate's evidence is then divided
+        by the dispersion of its scores along it, if that exceeds 1: noise that is not white, or larger than
+        stated, and errors of the model raise no more alarms than wanted.
     substeps : int, optional
         Runge-Kutta steps per period (default: from the model's fastest mode).
     name : str, optional
@@ -149,6 +156,8 @@ def monitor(
     )
     for what, number in (("gust_seconds", gust_seconds), ("dead_after", dead_after), ("settle", settle)):
         positive(f"{name}: {what}", number)
+    if dispersion and motion is None:
+        raise InputError(f"{name}: dispersion=True needs a measured log as motion")
     craft = as_model(model)
     plant = plant_of(craft, name, "monitor")
     known = estimation_model(
@@ -169,12 +178,14 @@ def monitor(
         steps,
         settle,
     )
-    shown = along_motion(design, path)
+    shown, innovations = along_motion(design, path)
+    phi = dispersion_of(shown, innovations) if dispersion else np.ones(len(found))
+    shown = divided(shown, phi)
     floor = floors(shown)
     lower, upper = bounds_of(plant, found, name)
     rate, rest = wanted * tick / 3600.0, round(settle / tick)
     threshold = threshold_for(shown, floor, lower, upper, rate, rest=rest)
-    return monitor_block(design, threshold, list(floor))
+    return monitor_block(design, threshold, list(floor), list(phi) if dispersion else ())
 
 
 def bounds_of(plant: Block, found: Sequence[Candidate], name: str) -> tuple[Array, Array]:

@@ -27,12 +27,15 @@ class Motion:
     Attributes
     ----------
     measured, inputs : ndarray, shape (K, m) and (K, p)
+    seen : ndarray of bool, shape (K, m)
+        Whether a tick has a sample of a channel; else the one before is held.
     sizes : dict of str to float
         Largest absolute value of each input, root mean square of each measured state.
     """
 
     measured: Array
     inputs: Array
+    seen: NDArray[np.bool_]
     sizes: dict[str, float]
 
 
@@ -55,20 +58,29 @@ def _logged(plant: Block, measured: Sequence[str], period: float, log: Log, name
     for key in (*measured, *(s.name for s in plant.inputs)):
         if key not in log.columns:
             raise InputError(f"{name}: motion: log {log.name!r} has no column {key!r}")
-    time = np.arange(log.time[0], log.time[-1], period)
-    held = np.clip(np.searchsorted(log.time, time + 1e-9, side="right") - 1, 0, None)
-    y = []
-    for key in measured:
+    # row i belongs to the tick round((t_i - t_0)/T); of several the nearest in time, as in :mod:`.feed`
+    place = (log.time - log.time[0]) / period
+    tick = np.rint(place).astype(int)
+    nearest_last = np.argsort(-np.abs(place - tick), kind="stable")
+
+    def held(key: str) -> tuple[Array, NDArray[np.bool_]]:
         column = np.asarray(log.columns[key])
-        seen = np.isfinite(column)
-        if not seen.any():
+        rows = nearest_last[np.isfinite(column[nearest_last])]
+        if not rows.size:
             raise InputError(f"{name}: motion: log {log.name!r} has no samples of {key!r}")
-        y.append(np.interp(time, log.time[seen], column[seen]))
-    u = [np.nan_to_num(np.asarray(log.columns[s.name])[held]) for s in plant.inputs]
+        at = np.full(tick[-1] + 1, np.nan)
+        at[tick[rows]] = column[rows]
+        seen = np.isfinite(at)
+        last = np.maximum.accumulate(np.where(seen, np.arange(at.size), int(seen.argmax())))
+        return at[last], seen
+
+    pairs = [held(key) for key in measured]
+    u = [held(s.name)[0] for s in plant.inputs]
     sizes = {s.name: float(np.abs(c).max()) or 1.0 for s, c in zip(plant.inputs, u, strict=True)}
     rates = {s.name: log.columns.get(s.name) for s in plant.states}
     sizes |= {k: float(np.sqrt(np.nanmean(np.square(c)))) or 1.0 for k, c in rates.items() if c is not None}
-    return Motion(np.stack(y, axis=1), np.stack(u, axis=1) if u else np.zeros((time.size, 0)), sizes)
+    y, seen = (np.stack(some, axis=1) for some in zip(*pairs, strict=True))
+    return Motion(y, np.stack(u, axis=1) if u else np.zeros((len(y), 0)), seen, sizes)
 
 
 def _simulated(plant: Block, measured: Sequence[str], period: float, name: str) -> Motion:
@@ -93,4 +105,4 @@ def _simulated(plant: Block, measured: Sequence[str], period: float, name: str) 
         )
     sizes = {s.name: float(np.abs(c).max()) or 1.0 for s, c in zip(plant.inputs, columns, strict=True)}
     sizes |= {k: float(np.sqrt(np.mean(c**2))) or 1.0 for k, c in states.items()}
-    return Motion(y, u, sizes)
+    return Motion(y, u, np.ones(y.shape, bool), sizes)

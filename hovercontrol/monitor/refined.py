@@ -16,10 +16,11 @@ adds a known offset o to the error, ``o <- M o + g(q_k) - g' q_k``:
 
 Recursive least squares estimate z = (d0, theta) with the row r = (C_i Psi, eta_i):
 
-    S = 1 + r V r',  k = V r'/S,  z <- z + k (e - r z),  V <- V - k (r V).
+    S = phi + r V r',  k = V r'/S,  z <- z + k (e - r z),  V <- V - k (r V).
 
 They start from the estimate theta of the best window, with the standard deviation abs(theta), and from d0 = 0
-with the covariance g P: the evidence g at the alarm bounds the error in units of the filter's covariance P.
+with the covariance g phi P: the evidence g at the alarm bounds the error in units of the filter's covariance
+P. phi is the dispersion of the named candidate, 1 where the noise is as stated.
 If another candidate is named, all begin anew.
 
 The estimate is limited to the bounds of theta.
@@ -127,6 +128,7 @@ def refine(
 
     J = range(len(bank.pushes))
     Psi, column, offset, moves, more = _columns(write, bank, plant, of_named, anew, sized)
+    phi = of_named("named_dispersion", bank.dispersion)
     now = sp.Matrix([s.symbol for s in z])
     cov = sp.Matrix(n + 1, n + 1, lambda i, k: V[min(i, k), max(i, k)].symbol)
     rows, known = write.matrix("refined_rows", bank.C * Psi), write.matrix("known", bank.C * offset)
@@ -137,7 +139,7 @@ def refine(
         )
         row = sp.Matrix([[*rows[i, :], eta]])
         Vr = write.matrix(f"refined_{i}_Vr", cov * row.T)
-        S = write.define(f"refined_{i}_S", 1 + (row * Vr)[0])
+        S = write.define(f"refined_{i}_S", phi + (row * Vr)[0])
         away = write.define(f"refined_{i}_away", (seen - known[i] - (row * now)[0]) / S)
         now = write.matrix(f"refined_{i}_z", now + Vr * away)
         entries = {(a, b): cov[a, b] - Vr[a] * Vr[b] / S for a, b in V}
@@ -155,7 +157,7 @@ def refine(
     following = {"named": name}
     following |= {s.name: begun(now[i], sp.S.Zero) for i, s in enumerate(z[:n])} | {z[n].name: amplitude}
     for (i, k), s in V.items():
-        start = variance if i == k == n else evidence * after[i, k] if k < n else sp.S.Zero
+        start = variance if i == k == n else evidence * phi * after[i, k] if k < n else sp.S.Zero
         following[s.name] = begun(cov[i, k], start)
     # d = Psi d0 + theta s + o since the estimate began, before this tick's measurements
     moved = write.matrix("named_error", Psi * now[:n, :] + theta * column + offset)

@@ -34,6 +34,8 @@ class Sensors:
         The estimation model with the samples that are used.
     states : tuple of Signal
     next_values : dict of str to sympy.Expr
+    many : list of sympy.Expr
+        1 for each channel with so many outliers within a second that none is left out.
     dead : list of sympy.Expr
         1 for each channel whose sensor is dead.
     """
@@ -41,6 +43,7 @@ class Sensors:
     observed: Observed
     states: tuple[Signal, ...]
     next_values: dict[str, sp.Expr]
+    many: list[sp.Expr]
     dead: list[sp.Expr]
 
 
@@ -70,7 +73,7 @@ def check_samples(
     h, H = expected(model, write, prior.x)
     states: list[Signal] = []
     following: dict[str, sp.Expr] = {}
-    used, dead = [], []
+    used, many, dead = [], [], []
     for i, s in enumerate(model.measured):
         last = Signal(f"last[{i}]", s.unit, f"last value of {s.name}")
         silent = Signal(f"silent[{i}]", "s", f"time without a new sample of {s.name}")
@@ -83,11 +86,13 @@ def check_samples(
         difference = s.symbol - h[i]
         away = wrapped(difference) if s.unit == "rad" else difference
         variance = (H[i, :] * prior.P * H[i, :].T)[0] + model.noise[i].symbol ** 2
+        spent = sp.Piecewise((1, left_out.symbol > PER_SECOND - 1), (0, True))
+        many.append(write.define(f"many[{i}]", spent))
         outlier = write.define(
             f"outlier[{i}]",
             sp.Piecewise(
                 (0, received < sp.S.Half),
-                (0, left_out.symbol > PER_SECOND - 1),
+                (0, many[-1] > sp.S.Half),
                 (1, away**2 > GATE**2 * variance),
                 (0, True),
             ),
@@ -104,4 +109,4 @@ def check_samples(
             silent.name: quiet,
             left_out.name: sp.Max(0, left_out.symbol - sp.Float(PER_SECOND * seconds)) + outlier,
         }
-    return Sensors(replace(model, lost=tuple(used)), tuple(states), following, dead)
+    return Sensors(replace(model, lost=tuple(used)), tuple(states), following, many, dead)

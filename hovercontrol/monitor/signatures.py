@@ -4,6 +4,8 @@ The monitor's own equations, run along the motion, give each candidate's eta, it
 The signature of a change at the start tau of a window follows as in :mod:`hovercontrol.monitor.bank`:
 
     eta_i(tau) = eta_i - C_i Psi s(tau),   Psi <- M Psi.
+
+They give the limited innovations e of a logged motion as well.
 """
 
 from __future__ import annotations
@@ -25,15 +27,17 @@ Array = NDArray[np.float64]
 CANCELLED = 1e-20
 
 
-def along_motion(design: Design, path: Motion) -> Signatures:
-    """Return the signatures of the candidates along a motion, after the filter has settled.
+def along_motion(design: Design, path: Motion) -> tuple[Signatures, Array]:
+    """Return the signatures of the candidates along a motion, and innovations, after the filter has settled.
+
+    The innovations, shape (K, m), are divided by their standard deviations and limited.
 
     Raises
     ------
     InputError
         If a candidate never shows along the motion.
     """
-    own, columns, C, M = _columns(design, path)
+    own, columns, C, M, seen = _columns(design, path)
     # Square of the signature if no terms cancelled: sum over ticks and i of (|C_i| |s|)^2.
     most = ((np.abs(C)[:, None] @ np.abs(columns)[..., None]) ** 2).sum(axis=(0, 2, 3))
     eta = _in_windows(design, own, columns, C, M)
@@ -44,22 +48,29 @@ def along_motion(design: Design, path: Motion) -> Signatures:
                 f"{design.model.name}: candidate {c.name!r}: the measured channels {measured} never show it "
                 "along the motion"
             )
-    return signatures_of(eta, design.first)
+    return signatures_of(eta, design.first), seen
 
 
-def _columns(design: Design, path: Motion) -> tuple[Array, Array, Array, Array]:
-    """Return eta, s, C and M at each settled tick: (K, J, m), (K, J, n), (K, m, n) and (K, n, n)."""
+def _columns(design: Design, path: Motion) -> tuple[Array, Array, Array, Array, Array]:
+    """Return eta, s, C, M and e at each settled tick.
+
+    Their shapes are (K, J, m), (K, J, n), (K, m, n), (K, n, n) and (K, m).
+    """
     block = column_block(design)
     run, names = Ticking(block), [s.name for s in (*design.model.measured, *design.model.plant.inputs)]
     signals = {s.name: s.start for s in block.inputs}
-    rows = []
+    channels, rows = [s.name for s in design.model.measured], []
+    fresh = {n: channels.index(n[6:]) for n in signals if n.startswith("fresh_") and n[6:] in channels}
     for k, row in enumerate(np.hstack([path.measured, path.inputs]).tolist()):
         signals |= dict(zip(names, row, strict=True))
+        signals |= {name: float(path.seen[k, i]) for name, i in fresh.items()}
+        if "fresh" in signals:
+            signals["fresh"] = float(path.seen[k].all())
         rows.append(list(run.tick(k * design.period, signals).values()))
     settled = np.array(rows[min(round(design.settle / design.period), len(rows) // 2) :])
     J, m, n = len(design.candidates), len(design.model.measured), len(design.model.plant.states)
-    own, columns, C, M = np.split(settled, np.cumsum([J * m, J * n, m * n]), axis=1)
-    return own.reshape(-1, J, m), columns.reshape(-1, J, n), C.reshape(-1, m, n), M.reshape(-1, n, n)
+    own, columns, C, M, seen = np.split(settled, np.cumsum([J * m, J * n, m * n, n * n]), axis=1)
+    return own.reshape(-1, J, m), columns.reshape(-1, J, n), C.reshape(-1, m, n), M.reshape(-1, n, n), seen
 
 
 def _in_windows(design: Design, own: Array, columns: Array, C: Array, M: Array) -> Array:

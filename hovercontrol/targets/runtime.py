@@ -45,9 +45,12 @@ AROUND = (
     *(f"hc_around{job}.c" for job in ("", "_values", "_exchange", "_steps", "_state")),
 )  # fmt: skip
 AROUND_FMI = {
-    2: ("hc_fmi2.h", "hc_inner_fmi2.h", "hc_inner_fmi2.c", "hc_around_fmi2.c"),
+    2: (
+        *("hc_fmi2.h", "hc_inner_fmi2.h", "hc_inner_fmi2.c", "hc_around_calls.h", "hc_around_shared.h"),
+        "hc_around_fmi2.c",
+    ),
     3: (
-        *("hc_fmi3.h", "hc_inner_fmi3.h", "hc_inner_fmi3.c", "hc_around_calls.h"),
+        *("hc_fmi3.h", "hc_inner_fmi3.h", "hc_inner_fmi3.c", "hc_around_calls.h", "hc_around_shared.h"),
         *("hc_around_fmi3.c", "hc_around_fmi3_values.c"),
     ),
 }

@@ -20,7 +20,7 @@ def written_fmu(name: str, folder: Path) -> Path:
 
     Parameters
     ----------
-    name : {"van_der_pol", "bouncing_ball", "dahlquist", "faulty"}
+    name : {"van_der_pol", "bouncing_ball", "dahlquist", "faulty", "clocked"}
     folder : Path
         Where it is written.
     """

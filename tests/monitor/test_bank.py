@@ -60,7 +60,10 @@ def discrete(c):
 
 
 def brute(y, F, onset):
-    """b and J of the drag and of the bias from an onset on, by a Kalman filter written out."""
+    """b and J of the drag and of the bias from an onset on, by a Kalman filter written out.
+
+    In b an innovation counts for at most 3 standard deviations.
+    """
     Phi, B, Q = discrete(DRAG)
     drive = np.array([(PERIOD - (1 - np.exp(-DRAG * PERIOD)) / DRAG) / DRAG, Phi[0, 1]])
     x, P, d = np.zeros(2), np.eye(2), np.zeros((2, 2))  # columns of d: drag, bias
@@ -72,7 +75,7 @@ def brute(y, F, onset):
         x = x + K * e
         if k >= onset:
             eta = d[0] + np.array([0.0, 1.0])
-            b += eta * e / S
+            b += eta * np.clip(e, -3 * np.sqrt(S), 3 * np.sqrt(S)) / S
             J += eta**2 / S
             d = Phi @ (d - np.outer(K, eta))
             d[:, 0] += drive * -x[1]
@@ -113,7 +116,7 @@ def test_signatures_along_a_noisy_motion_bring_the_information_of_the_tests():
     found = candidates_of(hc.BlockModel(cart()), ["c", "p_bias"], ["p"], {}, "monitor", PERIOD)
     design = Design(known, tuple(found), PERIOD, 1.0, False, 6, round(0.25 / PERIOD), 1)
     y, F = data(n=151)
-    shown = along_motion(design, Motion(y[:, None], F[:, None], {}))
+    shown, _ = along_motion(design, Motion(y[:, None], F[:, None], np.ones((y.size, 1), bool), {}))
     _, last = run(monitor_block(design, 1e9, [1.0, 1.0]), y, F)
     told = [[last[f"J[{w},{j}]"] for j in range(2)] for w in range(6)]
     assert shown.information[-1] == pytest.approx(np.array(told), rel=1e-9)

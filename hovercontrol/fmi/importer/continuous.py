@@ -1,30 +1,25 @@
-"""A running instance of an FMU for Model Exchange: its equations at a point, and its events.
-
-The calls of the right-hand side go to the FMU's library itself with arguments made once: FMPy's wrappers take
-several times as long.
-"""
+"""A running instance of an FMU for Model Exchange: its equations at a point, and its events."""
 
 from __future__ import annotations
 
 import ctypes
 import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hovercontrol.fmi.importer.instance import STATUS, FmuError, Instance, Values
+from hovercontrol.fmi.importer.instance import STATUS, FmuError, Instance
 from hovercontrol.fmi.importer.interface import Interface, Variable
+from hovercontrol.fmi.importer.point import Read, all_doubles, point_of
 
 Array = NDArray[np.float64]
-Point = Callable[[float, Array, Array], Array]
 
 #: Updates of the discrete states at one instant; more is an FMU whose event iteration does not end.
 MOST_UPDATES = 1000
-_DOUBLES = ("Real", "Float64")
 
 
 class Event(NamedTuple):
@@ -50,7 +45,6 @@ class Continuous(Instance):
     def __init__(self, folder: Path, interface: Interface, name: str) -> None:
         super().__init__(folder, interface, name)
         self._n = sum(len(v.labels) for v in interface.states)
-        self._discrete = any(v.discrete for v in interface.inputs)
         self.states = np.zeros(self._n)
         self.event = Event(math.inf, False)
 
@@ -60,11 +54,11 @@ class Continuous(Instance):
         with self._faults():
             self._bind()
             self._update()
-        self._time, self._x, self._u = time, b"", np.array(inputs, dtype=float).tobytes()
+        self._point.begin(time, np.array(inputs, dtype=float))
 
     def at_event(self, time: float, x: Array, u: Array) -> None:
         """Pass an event at this point; the states may change."""
-        self._set(time, x, self._u_now(u))
+        self._point.set(time, x, self._point.inputs_now(u))
         with self._faults():
             self._fmu.enterEventMode()
             self._set_inputs(u)
@@ -80,9 +74,9 @@ class Continuous(Instance):
         """Return the matrices A, B, C and D by directional derivatives, or None if it does not give them."""
         interface = self._interface
         inputs = interface.inputs
-        if not interface.directional or any(v.kind not in _DOUBLES for v in (*inputs, *interface.outputs)):
+        if not interface.directional or not all_doubles((*inputs, *interface.outputs)):
             return None
-        self._set(time, x, u)
+        self._point.set(time, x, u)
         states = {v.reference: k for v, k in zip(interface.states, _starts(interface.states), strict=True)}
         computed = [v for v in interface.outputs if v.reference not in states]
         unknowns = [*interface.derivatives, *computed]
@@ -124,85 +118,26 @@ class Continuous(Instance):
         if ended:
             return
         fmu.enterContinuousTimeMode()
-        self._x = b""
+        self._point.forget_states()
         buffer = (ctypes.c_double * self._n)()
         if self._n:
             fmu.getContinuousStates(buffer, self._n)
         self.states = np.array(buffer, dtype=float)
 
+    def forget(self) -> None:
+        """Set time, states and inputs at the next point, since other calls have set others."""
+        self._point.forget()
+
     def _bind(self) -> None:
         """Prepare the calls of the right-hand side for this instance."""
-        fmu, interface, two = self._fmu, self._interface, self._interface.fmi == 2
-        # Without giving up Python's lock at each call: a right-hand side takes less time than that.
-        library = ctypes.PyDLL(fmu.dll._name, handle=fmu.dll._handle)
-        self._component = ctypes.c_void_p(fmu.component)
-        prefix = f"fmi{interface.fmi}"
-        self._clock, self._size = ctypes.c_double(), ctypes.c_size_t(self._n)
-        self._call_time = library[f"{prefix}SetTime"]
-        self._call_states = library[f"{prefix}SetContinuousStates"]
-        self._plain = not self._discrete and all(v.kind in _DOUBLES for v in interface.inputs)
-        self._call_inputs = library["fmi2SetReal" if two else "fmi3SetFloat64"]
-        self._input_arguments = _references(interface.inputs, two)
-        rates = library["fmi2GetDerivatives" if two else "fmi3GetContinuousStateDerivatives"]
-        self.derivatives = self._reader(rates, (), self._n, self._size)
-        indicators = library[f"{prefix}GetEventIndicators"]
-        count = ctypes.c_size_t(interface.indicators)
-        self.indicators = self._reader(indicators, (), interface.indicators, count)
-        self.outputs_at: Point = self._outputs_slowly
-        if all(v.kind in _DOUBLES for v in interface.outputs):
-            first, last = _references(interface.outputs, two)
-            get = library["fmi2GetReal" if two else "fmi3GetFloat64"]
-            self.outputs_at = self._reader(get, first, self._outputs.size, *last)
-
-    def _reader(self, call: Any, before: tuple[Any, ...], n: int, *after: Any) -> Point:
-        """Return a function of a point that sets it and reads n numbers by one call."""
-        buffer = (ctypes.c_double * n)()
-        values: Array = np.ctypeslib.as_array(buffer)
-        arguments = (self._component, *before, buffer, *after)
-        put, name, put_states = self._set, call.__name__, self._call_states
-        component, size, copy = self._component, self._size, values.copy
-
-        def read(time: float, x: Array, u: Array) -> Array:
-            if time == self._time and u.tobytes() == self._u:  # states alone have changed
-                key = x.tobytes()
-                if key != self._x:
-                    self._x = key
-                    if (status := put_states(component, key, size)) > 1:
-                        self._refused(status, "SetContinuousStates")
-            else:
-                put(time, x, u)
-            if n and (status := call(*arguments)) > 1:
-                self._refused(status, name)
-            return copy()
-
-        return read
+        self._point = point_of(self._fmu, self._interface, self._refused, self._jump)
+        self.derivatives, self.indicators = self._point.rates, self._point.indicators
+        self.outputs_at: Read = self._point.outputs or self._outputs_slowly
 
     def _outputs_slowly(self, time: float, x: Array, u: Array) -> Array:
-        self._set(time, x, u)
+        self._point.set(time, x, u)
         with self._faults():
             return np.array(self._read())
-
-    def _set(self, time: float, x: Array, u: Array) -> None:
-        """Set a point; what has not changed is not set again."""
-        if time != self._time:
-            self._clock.value = self._time = time
-            if (status := self._call_time(self._component, self._clock)) > 1:
-                self._refused(status, "SetTime")
-            self._x = b""
-        key = x.tobytes()
-        if key != self._x:
-            self._x = key
-            if self._n and (status := self._call_states(self._component, key, self._size)) > 1:
-                self._refused(status, "SetContinuousStates")
-        key = u.tobytes()
-        if key != self._u:
-            self._u = key
-            if self._plain:
-                first, last = self._input_arguments
-                if (status := self._call_inputs(self._component, *first, key, *last)) > 1:
-                    self._refused(status, "Set inputs")
-            else:
-                self._jump(u)
 
     def _jump(self, u: Array) -> None:
         """Set inputs that change at events only."""
@@ -213,15 +148,10 @@ class Continuous(Instance):
 
     def _set_inputs(self, u: Array) -> None:
         self._inputs.set(self._fmu, u.tolist())
-        self._u = u.tobytes()
+        self._point.has_inputs(u)
 
-    def _u_now(self, u: Array) -> Array:
-        """Return the inputs before an event: those that change at events only are set in it."""
-        return u if self._plain else np.frombuffer(self._u)
-
-    def _refused(self, status: int, name: str) -> None:
-        self._x = self._u = b""
-        self._time = math.nan
+    def _refused(self, status: int, name: str) -> NoReturn:
+        self.forget()
         self._fatal = status == STATUS.index("Fatal")
         label = STATUS[status] if status in range(len(STATUS)) else status
         raise FmuError(f"{name} returned fmi{self._interface.fmi}{label}{self._words()}")
@@ -230,11 +160,3 @@ class Continuous(Instance):
 def _starts(variables: Sequence[Variable]) -> list[int]:
     """Return the place of each variable's first element among all elements."""
     return [0, *itertools.accumulate(len(v.labels) for v in variables)][: len(variables)]
-
-
-def _references(variables: Sequence[Variable], two: bool) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
-    """Return the arguments before and after the values of a call that sets or gets variables."""
-    references = (ctypes.c_uint32 * len(variables))(*(v.reference for v in variables))
-    count = ctypes.c_size_t(len(variables))
-    size = ctypes.c_size_t(Values(variables).size)
-    return (references, count), (() if two else (size,))

@@ -47,6 +47,7 @@ def load(
 
     One for Co-Simulation becomes a discrete-time :class:`FmuSystem`, whose state stays in the FMU; one for
     Model Exchange a continuous :class:`~hovercontrol.fmi.importer.model.FmuModel`, which can be linearised.
+    Clocks of FMI 3 with a constant or fixed interval tick in Co-Simulation with event mode.
 
     **An FMU is a program.** Its binary runs with the rights of the user who loads it: it can read, write and
     send what that user can. Load FMUs only from people whose programs you would run. The archive is checked
@@ -88,9 +89,9 @@ def load(
     Warns
     -----
     UserWarning
-        If inputs or outputs are left out because they are not numbers (String, Binary, Clock) or clocked, or
-        the FMU has no step size. If findings are tolerated (`strict`). If an FMU for Model Exchange has time
-        events, which python-control's simulations do not pass.
+        If inputs or outputs are left out because they are not numbers (String, Binary, Clock) or their clock
+        is not ticked, or the FMU has no step size. If findings are tolerated (`strict`). If an FMU for Model
+        Exchange has time events, which python-control's simulations do not pass.
 
     Examples
     --------
@@ -113,7 +114,7 @@ def load(
             warnings.warn(f"{path}: breaks FMI {interface.fmi}.0: {text}", stacklevel=2)
         if interface.left_out:
             text = ", ".join(interface.left_out)
-            warnings.warn(f"{path}: left out, not real numbers: {text}", stacklevel=2)
+            warnings.warn(f"{path}: left out, not real numbers or clocked: {text}", stacklevel=2)
         if interface.kind == "ModelExchange":
             return _model(source, step, checked_name(interface, name), params, isolated)
         dt = checked_step(path, interface, step)

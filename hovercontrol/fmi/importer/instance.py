@@ -121,6 +121,7 @@ class Instance:
         self._states: dict[int, Any] = {}
         self._handles = itertools.count(1)
         self._holds_token = False
+        self._options: dict[str, bool] = {}  # of the instantiation in FMI 3
         if interface.once_per_process:
             if interface.token in _ONLY:
                 raise FmuError(
@@ -255,7 +256,7 @@ class Instance:
         if self._interface.fmi == 2:
             self._fmu.instantiate(callbacks=_callbacks(self._log), loggingOn=True)
         else:
-            self._fmu.instantiate(loggingOn=True, logMessage=self._listen)
+            self._fmu.instantiate(loggingOn=True, logMessage=self._listen, **self._options)
         self._running = True
         if categories := self._interface.error_categories:
             with contextlib.suppress(FMICallException):

@@ -23,6 +23,7 @@ from fmpy.model_description import (  # type: ignore[import-untyped]
 from hovercontrol.errors import InputError
 from hovercontrol.fmi.exporter.arrays import ELEMENTS
 from hovercontrol.fmi.importer.archive import Header
+from hovercontrol.fmi.importer.clocks import Clock, clocks_of
 
 #: The smallest and largest value of each type that is a whole number; FMI 2 has 32 bits.
 WHOLE = {f"Int{n}": (-(2 ** (n - 1)), 2 ** (n - 1) - 1) for n in (8, 16, 32, 64)}
@@ -56,6 +57,8 @@ class Variable:
         Values and names of an enumeration; else empty.
     discrete : bool
         In Model Exchange it changes at events only.
+    clocks : tuple of int
+        References of the clocks at whose ticks it changes; empty if it has none.
     """
 
     name: str
@@ -67,6 +70,7 @@ class Variable:
     descriptions: tuple[str, ...]
     items: tuple[tuple[int, str], ...] = ()
     discrete: bool = False
+    clocks: tuple[int, ...] = ()
 
     def number(self, value: Any, where: str) -> float:
         """Return a value as a number of this variable's type.
@@ -127,6 +131,7 @@ class Interface:
     indicators: int = 0
     directional: bool = False
     findings: tuple[str, ...] = ()  # what breaks the standard and was tolerated
+    clocks: tuple[Clock, ...] = ()  # that the importer ticks
 
 
 def read_interface(
@@ -169,7 +174,7 @@ def read_interface(
         raise InputError(f"{where}: modelDescription.xml cannot be read: {_first([str(error)])}") from None
     try:
         root = ElementTree.parse(path).getroot()
-        found = _interface(described, int(version[0]), where, kind, findings, _own_elements(root))
+        found = _interface(described, root, where, kind, findings)
         # FMPy 0.3.32 reads FMI 2's attribute alone.
         element = root.find(found.kind)
         ability = None if element is None else element.get("providesDirectionalDerivatives")
@@ -204,9 +209,11 @@ def _part(described: Any, where: str, kind: Kind | None) -> tuple[Any, Kind]:
 
 
 def _interface(
-    described: Any, fmi: int, where: str, kind: Kind | None, findings: tuple[str, ...], own: Elements
+    described: Any, root: ElementTree.Element, where: str, kind: Kind | None, findings: tuple[str, ...]
 ) -> Interface:
+    fmi, own = int(described.fmiVersion[0]), _own_elements(root)
     part, kind = _part(described, where, kind)
+    clocks = clocks_of(root) if fmi == 3 and kind == "CoSimulation" else ()
     if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", part.modelIdentifier or ""):
         raise InputError(f"{where}: the model identifier {part.modelIdentifier!r} is not an identifier of C")
     experiment = described.defaultExperiment
@@ -214,13 +221,16 @@ def _interface(
     states, derivatives = _states(described, fmi, where, own) if kind == "ModelExchange" else ((), ())
     tolerance = _positive(experiment.tolerance) if experiment else None
     step = (_positive(experiment.stepSize) if experiment else None) or internal
+    step = step or min((clock.interval for clock in clocks), default=None)
     chosen: dict[str, list[Variable]] = {"input": [], "output": [], "parameter": []}
     left_out: list[str] = []
     elements = 0
     for variable in described.modelVariables:
         if variable.causality not in chosen or getattr(variable, "alias", None) is not None:
             continue
-        if reason := _unusable(variable):
+        if variable.type == "Clock" and variable.valueReference in {clock.reference for clock in clocks}:
+            continue
+        if reason := _unusable(variable, clocks):
             if variable.causality != "parameter":  # parameters that are no numbers keep their start values
                 left_out.append(f"{variable.causality} {variable.name!r} ({reason})")
             continue
@@ -260,6 +270,7 @@ def _interface(
         indicators=int(described.numberOfEventIndicators or 0),
         directional=bool(part.providesDirectionalDerivative),
         findings=findings,
+        clocks=clocks,
     )
 
 
@@ -275,11 +286,13 @@ def _states(
     return tuple(pair[0] for pair in made), tuple(pair[1] for pair in made)
 
 
-def _unusable(variable: Any) -> str | None:
+def _unusable(variable: Any, clocks: Sequence[Clock]) -> str | None:
     if variable.type not in (*REALS, *WHOLE, "Enumeration"):
         return f"of type {variable.type}, not a number"
-    if variable.clocks:
-        return "clocked"
+    ticking = {clock.reference for clock in clocks}
+    for clock in variable.clocks or ():
+        if clock.valueReference not in ticking:
+            return f"clocked by {clock.name!r}, which is not ticked here"
     return None
 
 
@@ -314,6 +327,7 @@ def _variable(variable: Any, fmi: int, where: str, own: Elements) -> Variable:
         tuple(text for _, _, text in texts),
         tuple((int(item.value), item.name) for item in listed),
         kind not in REALS or variable.variability == "discrete",
+        tuple(clock.valueReference for clock in variable.clocks or ()),
     )
 
 

@@ -274,8 +274,12 @@ class FmuModel(control.NonlinearIOSystem):
             self._begin()
         if u is None:  # control.find_operating_point, where there are no inputs
             u = self._first_inputs
+        if type(x) is not np.ndarray or x.dtype is not _FLOAT:  # without a call: this is done at every point
+            x = np.asarray(x, dtype=float)
+        if type(u) is not np.ndarray or u.dtype is not _FLOAT:
+            u = np.asarray(u, dtype=float)
         try:
-            return self._engine.derivatives(t, _floats(x), _floats(u))
+            return self._engine.derivatives(t, x, u)
         except FmuError as fault:
             raise self._failed(t, fault) from None
 
@@ -285,7 +289,8 @@ class FmuModel(control.NonlinearIOSystem):
         if u is None:
             u = self._first_inputs
         try:
-            return self._engine.outputs_at(t, _floats(x if self.nstates else ()), _floats(u))
+            x = np.asarray(x if self.nstates else (), dtype=float)
+            return self._engine.outputs_at(t, x, np.asarray(u, dtype=float))
         except FmuError as fault:
             raise self._failed(t, fault) from None
 
@@ -311,13 +316,6 @@ class FmuModel(control.NonlinearIOSystem):
 
 
 _FLOAT = np.dtype(float)
-
-
-def _floats(values: Any) -> Array:
-    """Return values as an array of doubles; a quick look, since this is called at every point."""
-    if type(values) is np.ndarray and values.dtype is _FLOAT:
-        return values
-    return np.asarray(values, dtype=float)
 
 
 def _release(engine: Continuous, unpacked: Unpacked) -> None:

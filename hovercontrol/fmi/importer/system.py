@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from hovercontrol.errors import InputError
 from hovercontrol.fmi.importer.follow import Follower, Parameters
-from hovercontrol.fmi.importer.instance import Engine, FmuError, Instance
+from hovercontrol.fmi.importer.instance import Engine, FmuError
 from hovercontrol.fmi.importer.interface import Interface, units_and_descriptions
+from hovercontrol.fmi.importer.ticking import instance_of
 from hovercontrol.fmi.importer.unpacked import Source, Unpacked, digest_of, open_source
 from hovercontrol.fmi.importer.values import (
     InputCheck,
@@ -134,7 +135,7 @@ class FmuSystem(control.NonlinearIOSystem):
         try:
             if self._isolated:
                 return Remote(folder, interface, self.name, self._timeout)
-            return Instance(folder, interface, self.name)
+            return instance_of(folder, interface, self.name)
         except FmuError as fault:
             raise InputError(f"{self.path}: {fault}") from None
 

@@ -19,8 +19,10 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import IO, Any
 
-from hovercontrol.fmi.importer.instance import FmuError, Instance, RunEnded
+from hovercontrol.fmi.importer.clocks import Clock
+from hovercontrol.fmi.importer.instance import FmuError, RunEnded
 from hovercontrol.fmi.importer.interface import Interface, Variable
+from hovercontrol.fmi.importer.ticking import instance_of
 
 #: Time for the child to load Python and the FMU, and to free it [s].
 START_TIME, STOP_TIME = 60.0, 2.0
@@ -214,7 +216,7 @@ def main() -> None:
 
 def _serving(what: str) -> Callable[[Path, Interface, str], Any]:
     if what == "instance":
-        return Instance
+        return instance_of
     from hovercontrol.fmi.replay.replayer import Replayer
 
     return Replayer
@@ -232,4 +234,5 @@ def _listen(requests: queue.SimpleQueue[bytes]) -> None:
 def _interface(plain: dict[str, Any]) -> Interface:
     for key in ("inputs", "outputs", "parameters", "states", "derivatives"):
         plain[key] = tuple(Variable(**variable) for variable in plain[key])
+    plain["clocks"] = tuple(Clock(**clock) for clock in plain["clocks"])
     return Interface(**plain)

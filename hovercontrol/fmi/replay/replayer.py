@@ -20,9 +20,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hovercontrol.fmi.importer.continuous import _DOUBLES, Continuous, _references
+from hovercontrol.fmi.importer.continuous import Continuous
 from hovercontrol.fmi.importer.instance import STATUS, FmuError, Instance, RunEnded
 from hovercontrol.fmi.importer.interface import Interface
+from hovercontrol.fmi.importer.point import all_doubles, references
+from hovercontrol.fmi.importer.ticking import instance_of
 from hovercontrol.fmi.replay.added import Added
 from hovercontrol.targets.compiler import NoCompilerError, load_library
 
@@ -70,14 +72,13 @@ class Replayer:
     def __init__(self, folder: Path, interface: Interface, name: str) -> None:
         self._interface = interface
         self._exchange = interface.kind == "ModelExchange"
-        self._engine: Instance = (Continuous if self._exchange else Instance)(folder, interface, name)
+        self._engine: Instance = (Continuous if self._exchange else instance_of)(folder, interface, name)
         self._times: dict[str, Array] = {}
         self._n = sum(len(v.labels) for v in interface.states)
         self._inputs = sum(len(v.labels) for v in interface.inputs)
         self._outputs = sum(len(v.labels) for v in interface.outputs)
-        variables = (*interface.inputs, *interface.outputs)
-        self._plain = all(v.kind in _DOUBLES for v in variables)
-        self._plain = self._plain and not any(v.discrete for v in interface.inputs)
+        self._plain = all_doubles((*interface.inputs, *interface.outputs))
+        self._plain = self._plain and not any(v.discrete for v in interface.inputs) and not interface.clocks
         self._plain = self._plain and max(self._n, interface.indicators) <= _MOST
         self._library = self._built() if self._plain else None
 
@@ -187,7 +188,7 @@ class Replayer:
         def call(name: str) -> int | None:
             return ctypes.cast(getattr(fmu.dll, prefix + name), ctypes.c_void_p).value
 
-        self._kept = _references(interface.inputs, two)[0], _references(interface.outputs, two)[0]
+        self._kept = references(interface.inputs, two)[0], references(interface.outputs, two)[0]
         (into, n_in), (out, n_out) = self._kept
         job = _Job(
             fmi=interface.fmi,
@@ -263,8 +264,7 @@ class _Exchange:
                 return
             self._engine._log.clear()
             found = library.hc_replay_continuous(ctypes.byref(job))
-            self._engine._x = self._engine._u = b""  # it has seen other points
-            self._engine._time = math.nan
+            self._engine.forget()
             if found == _DONE:
                 return
             if found == _REFUSED:

@@ -2,7 +2,8 @@
 
    A model is a file that defines the following and then includes this one.
      N        number of variables, all Float64; variable 0 is the time
-     KINDS    a letter for each: t time, f fixed parameter, a tunable parameter, u input, x state, y any other
+     KINDS    a letter for each: t time, f fixed parameter, a tunable parameter, u input, x state, y any other;
+              1 and 2: input of the first and second clock, A and B: their outputs
      START    start values
      NX, X, R number of states, their value references, those of their derivatives
      NZ       number of event indicators
@@ -10,6 +11,8 @@
      rates    computes the derivatives and all others of kind y
      zeros    computes the event indicators
      update   computes the discrete states and states after an event; may set m->next, m->ended
+   If CLOCKS is defined, Co-Simulation may use Event Mode, and clocks are activated by the bits of m->active;
+   clocked variables can be set and read while their clock is active, and in Initialization Mode.
    If PARTIALS is defined, partials computes directional derivatives: seeds and results by value reference.
 
    Each call is allowed in the states that FMI 3.0 section 2.3, 3.2 and 4.2 name; elsewhere it returns fmi3Error. */
@@ -28,7 +31,8 @@ typedef struct {
     double v[N], next; /* time of the next time event */
     bool ended;
     int mode;
-    bool exchange;
+    bool exchange, events; /* whether Event Mode is used in Co-Simulation */
+    unsigned active;       /* clocks */
     fmi3InstanceEnvironment environment;
     fmi3LogMessageCallback log;
 } model;
@@ -54,7 +58,7 @@ static fmi3Status refused(model *m, const char *text)
 
 const char *fmi3GetVersion(void) { return fmi3Version; }
 
-static model *made(bool exchange, fmi3String token, fmi3InstanceEnvironment environment, fmi3LogMessageCallback log)
+static model *made(bool exchange, bool events, fmi3String token, fmi3InstanceEnvironment environment, fmi3LogMessageCallback log)
 {
     if (strcmp(token, TOKEN) != 0) return NULL;
     model *m = (model *)calloc(1, sizeof(model));
@@ -63,6 +67,7 @@ static model *made(bool exchange, fmi3String token, fmi3InstanceEnvironment envi
     m->next = INFINITY;
     m->mode = INSTANTIATED;
     m->exchange = exchange;
+    m->events = events;
     m->environment = environment;
     m->log = log;
     return m;
@@ -73,7 +78,7 @@ fmi3Instance fmi3InstantiateModelExchange(
     fmi3InstanceEnvironment environment, fmi3LogMessageCallback log)
 {
     (void)name, (void)path, (void)visible, (void)logging;
-    return made(true, token, environment, log);
+    return made(true, false, token, environment, log);
 }
 
 fmi3Instance fmi3InstantiateCoSimulation(
@@ -81,9 +86,14 @@ fmi3Instance fmi3InstantiateCoSimulation(
     fmi3Boolean events, fmi3Boolean early, const fmi3ValueReference required[], size_t count,
     fmi3InstanceEnvironment environment, fmi3LogMessageCallback log, fmi3IntermediateUpdateCallback intermediate)
 {
-    (void)name, (void)path, (void)visible, (void)logging, (void)events, (void)early;
+    (void)name, (void)path, (void)visible, (void)logging, (void)early;
     (void)required, (void)count, (void)intermediate;
-    return made(false, token, environment, log);
+#ifdef CLOCKS
+    return made(false, events, token, environment, log);
+#else
+    (void)events;
+    return made(false, false, token, environment, log);
+#endif
 }
 
 void fmi3FreeInstance(fmi3Instance instance) { free(instance); }
@@ -108,14 +118,14 @@ fmi3Status fmi3EnterInitializationMode(
 fmi3Status fmi3ExitInitializationMode(fmi3Instance instance)
 {
     IN(INITIALIZATION, "fmi3ExitInitializationMode");
-    m->mode = m->exchange ? EVENT : STEPPING;
-    if (!m->exchange) update(m);
+    m->mode = m->exchange || m->events ? EVENT : STEPPING;
+    if (m->mode == STEPPING) update(m);
     return fmi3OK;
 }
 
 fmi3Status fmi3EnterEventMode(fmi3Instance instance)
 {
-    IN(CONTINUOUS, "fmi3EnterEventMode");
+    IN(m->events ? STEPPING : CONTINUOUS, "fmi3EnterEventMode");
     m->mode = EVENT;
     return fmi3OK;
 }
@@ -140,6 +150,7 @@ fmi3Status fmi3Reset(fmi3Instance instance)
     memcpy(m->v, START, sizeof m->v);
     m->next = INFINITY;
     m->ended = false;
+    m->active = 0;
     m->mode = INSTANTIATED;
     return fmi3OK;
 }
@@ -154,6 +165,9 @@ fmi3Status fmi3GetFloat64(
     rates(m);
     for (size_t i = 0; i < n; i++) {
         if (of[i] >= N) return refused(m, "fmi3GetFloat64: unknown variable");
+        const char kind = KINDS[of[i]];
+        if ((kind == 'A' || kind == 'B') && m->mode != INITIALIZATION && !(m->active & (unsigned)(kind - '@')))
+            return refused(m, "fmi3GetFloat64: the clock of this variable is not active");
         values[i] = m->v[of[i]];
     }
     return fmi3OK;
@@ -168,7 +182,8 @@ fmi3Status fmi3SetFloat64(
         const char kind = of[i] < N ? KINDS[of[i]] : '?';
         const int early = INSTANTIATED | INITIALIZATION;
         const bool may = kind == 'u' || ((kind == 'f' || kind == 'x') && (m->mode & early)) ||
-                         (kind == 'a' && (m->mode & (early | EVENT | STEPPING)));
+                         (kind == 'a' && (m->mode & (early | EVENT | STEPPING))) ||
+                         ((kind == '1' || kind == '2') && m->mode == EVENT && (m->active & (unsigned)(kind - '0')));
         if (!may) return refused(m, "fmi3SetFloat64: this variable cannot be set now");
         m->v[of[i]] = values[i];
     }
@@ -185,6 +200,7 @@ fmi3Status fmi3UpdateDiscreteStates(
     double before[NX + 1];
     for (int i = 0; i < NX; i++) before[i] = m->v[X[i]];
     update(m);
+    m->active = 0;
     *again = *nominals = *states = false;
     for (int i = 0; i < NX; i++) *states = *states || before[i] != m->v[X[i]];
     *ended = m->ended;
