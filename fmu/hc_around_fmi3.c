@@ -7,9 +7,7 @@
 #include "hc_around_shared.h"
 
 #include <float.h>
-#include <stdio.h>
 #include <stdlib.h>
-#include <string.h>
 
 static void emit(const hc_log_type *log, int status, const char *category, const char *message)
 {

@@ -11,6 +11,8 @@ from fmpy.fmi3 import FMU3Slave
 
 from hovercontrol.errors import InputError
 from hovercontrol.fmi import load
+from hovercontrol.fmi.importer.unpacked import open_source
+from hovercontrol.fmi.replay.replayer import Replayer, array_of, text_of
 
 #: The controller of models/clocked.c as python-control writes it: y = 2 e + s, s+ = s + 0.05 e.
 NATIVE = {"A": [[1.0]], "B": [[0.05]], "C": [[1.0]], "D": [[2.0]]}
@@ -148,3 +150,55 @@ def test_a_refusal_at_a_tick_is_one_line(written, tmp_path):
     )  # fmt: skip
     with load(path) as system, pytest.raises(InputError, match="cannot be set now"):
         run(system, 0.1 * np.arange(3), 0.0)
+
+
+def exchanged(written, t, rows, **options):
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", ".*has time events")
+        system = load(written("clocked"), kind="ModelExchange")
+    with system:
+        return system.simulate(t, rows, **options)
+
+
+def test_model_exchange_ticks_at_time_events(written):
+    """At a tick samples show the values before it; u jumps nowhere, so that z = 1 - exp(-t) by hand."""
+    t = 0.05 * np.arange(41)
+    found = exchanged(written, t, {"e": np.cos(t), "w": 3.0, "u": 1.0}, rtol=1e-9, atol=1e-12)
+    ticks = 0.1 * np.arange(21)
+    same = ct.forced_response(ct.ss(*NATIVE.values(), 0.1), ticks, np.cos(ticks))
+    before = [0, *((np.arange(1, 41) - 1) // 2)]  # the last tick that a sample shows
+    assert np.abs(found.outputs[0] - same.outputs[before]).max() < 1e-12
+    counts = [np.sum(0.05 + 0.25 * np.arange(20) < now - 1e-9) for now in t]
+    assert found.outputs[1].tolist() == [3.0 * n for n in counts]
+    assert np.abs(found.outputs[2] - (1.0 - np.exp(-t))).max() < 1e-8
+
+
+def test_model_exchange_begins_with_the_given_states(written):
+    """The tick at the start is done once, with them."""
+    t = 0.05 * np.arange(5)
+    found = exchanged(written, t, {"e": 1.0, "u": 2.0}, x0=[2.0])
+    assert found.outputs[0] == pytest.approx([2.0, 2.0, 2.0, 2.05, 2.05], abs=1e-14)
+    assert found.states[0] == pytest.approx(2.0, abs=1e-9)
+
+
+def test_model_exchange_is_told_to_have_time_events(written):
+    with pytest.warns(UserWarning, match=r"time events, the first at t = 0\.05 s"):
+        load(written("clocked"), kind="ModelExchange").close()
+
+
+@pytest.mark.parametrize("kind", ["CoSimulation", "ModelExchange"])
+def test_a_run_over_the_rows_of_a_log_ticks_too(written, kind):
+    """What a fit computes, at rows 50 ms apart: at a tick with the inputs of that row."""
+    t = 0.05 * np.arange(41)
+    rows = np.column_stack([np.cos(t), 3.0 + 0.0 * t, 1.0 + 0.0 * t])
+    source = open_source(written("clocked"), kind, True)
+    replayer = Replayer(source.unpacked.folder, source.interface, "clocked")
+    replayer.log("log", text_of(t))
+    found = array_of(replayer.run("log", text_of(rows), [None, None], None, 5)).reshape(41, -1)
+    replayer.close()
+    source.unpacked.release()
+    ticks = 0.1 * np.arange(21)
+    same = ct.forced_response(ct.ss(*NATIVE.values(), 0.1), ticks, np.cos(ticks)).outputs
+    assert np.abs(found[:, 0] - np.repeat(same, 2)[:41]).max() < 1e-12
+    assert found[:, 1].tolist() == [3.0 * np.sum(0.05 + 0.25 * np.arange(20) < now + 1e-9) for now in t]
+    assert np.abs(found[:, 2] - (1.0 - np.exp(-t))).max() < (1e-7 if kind == "ModelExchange" else 1e-3)

@@ -28,14 +28,15 @@ class Clock:
         return time >= self.time(start, k) - NEAR * self.interval
 
 
-def clocks_of(root: ElementTree.Element) -> tuple[Clock, ...]:
+def clocks_of(root: ElementTree.Element, kind: str) -> tuple[Clock, ...]:
     """Return the input clocks with a constant or fixed interval that the description gives.
 
-    They can be ticked in Co-Simulation with event mode, and where the FMU saves its state: a tick is repeated
-    if inputs at its instant are found to be others.
+    In Co-Simulation they are ticked if the FMU has event mode and saves its state: a tick is repeated if
+    inputs at its instant are found to be others.
     """
-    part = root.find("CoSimulation")
-    if part is None or not {part.get("hasEventMode"), part.get("canGetAndSetFMUState")} <= {"true", "1"}:
+    part = root.find(kind)
+    needed = ("hasEventMode", "canGetAndSetFMUState") if kind == "CoSimulation" else ()
+    if part is None or any(part.get(ability) not in ("true", "1") for ability in needed):
         return ()
     found = []
     for element in root.iterfind("ModelVariables/Clock"):

@@ -12,14 +12,11 @@ from typing import NamedTuple, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from hovercontrol.fmi.importer.instance import STATUS, FmuError, Instance
+from hovercontrol.fmi.importer.instance import MOST_UPDATES, STATUS, FmuError, Instance, Some
 from hovercontrol.fmi.importer.interface import Interface, Variable
 from hovercontrol.fmi.importer.point import Read, all_doubles, point_of
 
 Array = NDArray[np.float64]
-
-#: Updates of the discrete states at one instant; more is an FMU whose event iteration does not end.
-MOST_UPDATES = 1000
 
 
 class Event(NamedTuple):
@@ -47,12 +44,28 @@ class Continuous(Instance):
         self._n = sum(len(v.labels) for v in interface.states)
         self.states = np.zeros(self._n)
         self.event = Event(math.inf, False)
+        self._unclocked = Some(interface.outputs, [v for v in interface.outputs if not v.clocks])
+        self._held = [s for v in interface.outputs for s in (v.start or (0.0,) * len(v.labels))]
+        self._counts = [0] * len(interface.clocks)
+        self._first = 0.0
 
-    def begin(self, time: float, parameters: Sequence[float | None], inputs: Sequence[float]) -> None:
-        """Begin with these parameters (None: the FMU's value) and inputs, in Continuous-Time Mode."""
+    def begin(
+        self,
+        time: float,
+        parameters: Sequence[float | None],
+        inputs: Sequence[float],
+        ticks: bool = True,
+    ) -> None:
+        """Begin with these parameters (None: the FMU's value) and inputs, in Continuous-Time Mode.
+
+        With `ticks` false, clocks that are due at this time tick at the next event.
+        """
+        self._first, self._counts = time, [0] * len(self._counts)
         self.start(time, parameters, inputs)
         with self._faults():
             self._bind()
+            if ticks:
+                self._tick(time, inputs)
             self._update()
         self._point.begin(time, np.array(inputs, dtype=float))
 
@@ -62,6 +75,7 @@ class Continuous(Instance):
         with self._faults():
             self._fmu.enterEventMode()
             self._set_inputs(u)
+            self._tick(time, u.tolist())
             self._update()
 
     def completed_step(self) -> tuple[bool, bool]:
@@ -74,7 +88,7 @@ class Continuous(Instance):
         """Return the matrices A, B, C and D by directional derivatives, or None if it does not give them."""
         interface = self._interface
         inputs = interface.inputs
-        if not interface.directional or not all_doubles((*inputs, *interface.outputs)):
+        if not interface.directional or interface.clocks or not all_doubles((*inputs, *interface.outputs)):
             return None
         self._point.set(time, x, u)
         states = {v.reference: k for v, k in zip(interface.states, _starts(interface.states), strict=True)}
@@ -114,7 +128,9 @@ class Continuous(Instance):
                 break
         else:
             raise FmuError(f"its event iteration did not end after {MOST_UPDATES} updates{self._words()}")
-        self.event = Event(following if has_next else math.inf, bool(ended))
+        clocks = zip(self._interface.clocks, self._counts, strict=True)
+        ticks = (clock.time(self._first, k) for clock, k in clocks)
+        self.event = Event(min([*ticks, following if has_next else math.inf]), bool(ended))
         if ended:
             return
         fmu.enterContinuousTimeMode()
@@ -146,9 +162,28 @@ class Continuous(Instance):
             self._set_inputs(u)
             self._update()
 
+    def _tick(self, time: float, inputs: Sequence[float]) -> None:
+        """In Event Mode: the clocks that are due tick; clocked outputs are held until the next tick."""
+        clocks = self._interface.clocks
+        due = [n for n, clock in enumerate(clocks) if clock.due(self._first, self._counts[n], time)]
+        if not due:
+            return
+        references = [clocks[n].reference for n in due]
+        self._fmu.setClock(references, [True] * len(due))
+        for n in due:
+            self._counts[n] += 1
+        groups = self._interface.inputs, self._interface.outputs
+        clocked = [[v for v in group if set(v.clocks) & set(references)] for group in groups]
+        Some(groups[0], clocked[0]).set(self._fmu, inputs)
+        Some(groups[1], clocked[1]).get(self._fmu, 3, self._held)
+
     def _set_inputs(self, u: Array) -> None:
         self._inputs.set(self._fmu, u.tolist())
         self._point.has_inputs(u)
+
+    def _read(self) -> list[float]:
+        self._unclocked.get(self._fmu, self._interface.fmi, self._held)
+        return list(self._held)
 
     def _refused(self, status: int, name: str) -> NoReturn:
         self.forget()

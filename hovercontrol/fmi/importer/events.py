@@ -31,6 +31,9 @@ MOST_EVENTS = 1000
 #: How far past its root, over the time, a state event is taken: FMUs ask for a sign that has changed.
 PAST = 1e-13
 
+#: Times that differ by less than this part of themselves are one instant.
+ROUNDING = 1e-12
+
 
 def simulated(
     system: FmuModel,
@@ -45,7 +48,7 @@ def simulated(
         raise InputError(f"unknown method {options[0]!r}{did_you_mean(options[0], METHODS)}")
     rows = _rows(system, given[1], times)
     run = _Run(system, engine, times, rows, options)
-    engine.begin(float(times[0]), values, rows[:, 0].tolist())
+    engine.begin(float(times[0]), values, rows[:, 0].tolist(), ticks=given[2] is None)
     x = engine.states
     if given[2] is not None:
         x = np.broadcast_to(np.asarray(given[2], dtype=float), (system.nstates,)).copy()
@@ -89,13 +92,13 @@ class _Run:
         self._record(t, lambda _: x)
         while t < end and not self._engine.event.ended:
             ahead = kinks[kinks > t]
-            bound = min(end, self._engine.event.next, float(ahead[0]) if len(ahead) else end)
+            bound = min(end, self._next_event(), float(ahead[0]) if len(ahead) else end)
             before = t
             if bound > t:
                 t, x, event = self._until(t, x, bound)
             else:
                 event = True
-            due = t >= self._engine.event.next or (self._held.any() and t in kinks)
+            due = t >= self._next_event() or (self._held.any() and t in kinks)
             if event or due:
                 self._engine.at_event(t, x, self.inputs(t))
                 x = self._engine.states
@@ -106,6 +109,13 @@ class _Run:
                 )
         for k in range(self._next, len(self._times)):  # the FMU ended the run
             self.states[:, k], self.outputs[:, k] = self.states[:, k - 1], self.outputs[:, k - 1]
+
+    def _next_event(self) -> float:
+        """Return the next time event; at the sample that follows it if only rounding is in between."""
+        at = self._engine.event.next
+        k = int(np.searchsorted(self._times, at))
+        near = k < len(self._times) and self._times[k] - at <= ROUNDING * max(1.0, abs(at))
+        return float(self._times[k]) if near else at
 
     def _kinks(self) -> Array:
         """Return the samples at which an input bends, or jumps if it is held: solvers restart there."""

@@ -47,7 +47,7 @@ def load(
 
     One for Co-Simulation becomes a discrete-time :class:`FmuSystem`, whose state stays in the FMU; one for
     Model Exchange a continuous :class:`~hovercontrol.fmi.importer.model.FmuModel`, which can be linearised.
-    Clocks of FMI 3 with a constant or fixed interval tick in Co-Simulation with event mode.
+    Clocks of FMI 3 with a constant or fixed interval tick.
 
     **An FMU is a program.** Its binary runs with the rights of the user who loads it: it can read, write and
     send what that user can. Load FMUs only from people whose programs you would run. The archive is checked

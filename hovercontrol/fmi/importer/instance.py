@@ -22,6 +22,8 @@ from hovercontrol.fmi.importer.interface import REALS, Interface, Variable
 
 STATUS = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")
 _FATAL = 4
+#: Updates of the discrete states at one instant; more is an FMU whose event iteration does not end.
+MOST_UPDATES = 1000
 
 
 #: Instantiation tokens of the FMUs in use that allow one instance in a process.
@@ -97,6 +99,30 @@ class Values:
         return values
 
 
+class Some:
+    """Some of the inputs or outputs, with their places among all."""
+
+    def __init__(self, variables: Sequence[Variable], chosen: Sequence[Variable]) -> None:
+        self._values, self._places, place = Values(chosen), list[int](), 0
+        for v in variables:
+            here = range(place, place + len(v.labels))
+            self._places += here if v in chosen else []
+            place += len(v.labels)
+
+    def set(self, fmu: Any, values: Sequence[float]) -> None:
+        """Set those among all values."""
+        self._values.set(fmu, self.of(values))
+
+    def get(self, fmu: Any, fmi: int, values: list[float]) -> None:
+        """Put the FMU's values among all values."""
+        for place, value in zip(self._places, self._values.get(fmu, fmi), strict=True):
+            values[place] = value
+
+    def of(self, values: Sequence[float]) -> list[float]:
+        """Return those among all values."""
+        return [values[place] for place in self._places]
+
+
 class Instance:
     """An FMU in this process.
 
@@ -115,7 +141,8 @@ class Instance:
 
     def __init__(self, folder: Path, interface: Interface, name: str) -> None:
         self._interface, self._name = interface, name
-        self._inputs, self._outputs = Values(interface.inputs), Values(interface.outputs)
+        self._inputs = Some(interface.inputs, [v for v in interface.inputs if not v.clocks])
+        self._outputs = Values(interface.outputs)
         self._log: deque[tuple[int, str]] = deque(maxlen=20)
         self._running = self._initialised = self._fatal = False
         self._states: dict[int, Any] = {}

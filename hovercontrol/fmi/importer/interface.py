@@ -213,7 +213,7 @@ def _interface(
 ) -> Interface:
     fmi, own = int(described.fmiVersion[0]), _own_elements(root)
     part, kind = _part(described, where, kind)
-    clocks = clocks_of(root) if fmi == 3 and kind == "CoSimulation" else ()
+    clocks = clocks_of(root, kind) if fmi == 3 else ()
     if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", part.modelIdentifier or ""):
         raise InputError(f"{where}: the model identifier {part.modelIdentifier!r} is not an identifier of C")
     experiment = described.defaultExperiment

@@ -43,7 +43,7 @@ class Point:
     Attributes
     ----------
     rates, outputs, indicators : callable
-        Of time [s], states and inputs. `outputs` is None if they are not all Float64.
+        Of time [s], states and inputs. `outputs` is None if they are not all Float64 or some are clocked.
     """
 
     def __init__(
@@ -70,7 +70,7 @@ class Point:
         count = interface.indicators
         self.indicators = self._reader(self._call("GetEventIndicators"), (), count, ctypes.c_size_t(count))
         self.outputs: Read | None = None
-        if all_doubles(interface.outputs):
+        if all_doubles(interface.outputs) and not interface.clocks:
             first, last = references(interface.outputs, two)
             n = sum(len(v.labels) for v in interface.outputs)
             self.outputs = self._reader(self._call("GetReal" if two else "GetFloat64"), first, n, *last)
@@ -252,7 +252,7 @@ def point_of(
 ) -> Point:
     """Return the point of an instance: compiled where all signals are doubles and there is a compiler."""
     simple = all_doubles((*interface.inputs, *interface.outputs))
-    simple = simple and not any(v.discrete for v in interface.inputs)
+    simple = simple and not any(v.discrete for v in interface.inputs) and not interface.clocks
     library = _built() if simple else None
     if library is None:
         return Point(fmu, interface, refused, jump)

@@ -18,40 +18,13 @@ from typing import Any, NamedTuple
 from fmpy.fmi1 import FMICallException  # type: ignore[import-untyped]
 
 from hovercontrol.fmi.importer.clocks import Clock
-from hovercontrol.fmi.importer.instance import FmuError, Instance, Values
-from hovercontrol.fmi.importer.interface import Interface, Variable
-
-#: Updates of the discrete states at one instant; more is an FMU whose event iteration does not end.
-MOST_UPDATES = 1000
+from hovercontrol.fmi.importer.instance import MOST_UPDATES, FmuError, Instance, Some
+from hovercontrol.fmi.importer.interface import Interface
 
 
 def instance_of(folder: Path, interface: Interface, name: str) -> Instance:
     """Return an FMU for Co-Simulation in this process; its clocks tick if it has any."""
     return (Ticking if interface.clocks else Instance)(folder, interface, name)
-
-
-class _Some:
-    """Some of the inputs or outputs, with their places among all."""
-
-    def __init__(self, variables: Sequence[Variable], chosen: Sequence[Variable]) -> None:
-        self._values, self._places, place = Values(chosen), list[int](), 0
-        for v in variables:
-            here = range(place, place + len(v.labels))
-            self._places += here if v in chosen else []
-            place += len(v.labels)
-
-    def set(self, fmu: Any, values: Sequence[float]) -> None:
-        """Set those among all values."""
-        self._values.set(fmu, self.of(values))
-
-    def get(self, fmu: Any, values: list[float]) -> None:
-        """Put the FMU's values among all values."""
-        for place, value in zip(self._places, self._values.get(fmu, 3), strict=True):
-            values[place] = value
-
-    def of(self, values: Sequence[float]) -> list[float]:
-        """Return those among all values."""
-        return [values[place] for place in self._places]
 
 
 class _Now(NamedTuple):
@@ -76,8 +49,8 @@ class Ticking(Instance):
         inputs, outputs = interface.inputs, interface.outputs
         free = [v for v in inputs if not v.clocks and not v.discrete]
         discrete = [v for v in inputs if not v.clocks and v.discrete]
-        self._continuous, self._discrete = _Some(inputs, free), _Some(inputs, discrete)
-        self._unclocked = _Some(outputs, [v for v in outputs if not v.clocks])
+        self._continuous, self._discrete = Some(inputs, free), Some(inputs, discrete)
+        self._unclocked = Some(outputs, [v for v in outputs if not v.clocks])
         self._options = {"eventModeUsed": True}
 
     def start(self, time: float, parameters: Sequence[float | None], inputs: Sequence[float]) -> list[float]:
@@ -86,8 +59,7 @@ class Ticking(Instance):
             self._fresh()
             self._set_parameters(parameters)
             self._fmu.enterInitializationMode(tolerance=self._interface.tolerance, startTime=time)
-            self._continuous.set(self._fmu, inputs)
-            self._discrete.set(self._fmu, inputs)
+            self._inputs.set(self._fmu, inputs)
             self._fmu.exitInitializationMode()
             self._initialised, self._start = True, time
             starts = [s for v in self._interface.outputs for s in (v.start or (0.0,) * len(v.labels))]
@@ -218,9 +190,9 @@ class Ticking(Instance):
         self._discrete.set(fmu, inputs)
         clocked = [[v for v in group if set(v.clocks) & set(references)] for group in
                    (self._interface.inputs, self._interface.outputs)]  # fmt: skip
-        _Some(self._interface.inputs, clocked[0]).set(fmu, inputs)
+        Some(self._interface.inputs, clocked[0]).set(fmu, inputs)
         values = list(self._now.outputs)
-        _Some(self._interface.outputs, clocked[1]).get(fmu, values)
+        Some(self._interface.outputs, clocked[1]).get(fmu, 3, values)
         self._now = self._now._replace(outputs=tuple(values), discrete=tuple(self._discrete.of(inputs)))
         self._update()
         fmu.enterStepMode()
@@ -239,5 +211,5 @@ class Ticking(Instance):
 
     def _read(self) -> list[float]:
         values = list(self._now.outputs)
-        self._unclocked.get(self._fmu, values)
+        self._unclocked.get(self._fmu, 3, values)
         return values

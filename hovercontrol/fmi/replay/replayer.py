@@ -128,7 +128,7 @@ class Replayer:
         x, y = np.zeros((len(time), self._n)), np.zeros((len(time), self._outputs))
         engine = self._engine
         if isinstance(engine, Continuous):
-            engine.begin(float(time[0]), parameters, u[0].tolist())
+            engine.begin(float(time[0]), parameters, u[0].tolist(), ticks=states is None)
             if states is not None:
                 engine.at_event(float(time[0]), np.array(states, dtype=float), u[0])
             rates = _rates(engine, _law(added), numbers) if added else engine.derivatives
@@ -249,6 +249,7 @@ class _Exchange:
         self._engine, self._replayer, self._time = engine, replayer, time
         (self._u, self._x, self._y), self._pieces, self._rates = arrays, pieces, rates
         self._held = replayer.library is None and not replayer._plain
+        self._ticks = bool(replayer._interface.clocks)
 
     def all(self) -> None:
         state = np.ascontiguousarray(self._engine.states, dtype=float)
@@ -285,7 +286,8 @@ class _Exchange:
         """Run in Python, where there is no compiler, inputs are not all real, or a law is added."""
         engine, time = self._engine, self._time
         for k, t in enumerate(time.tolist()):
-            if self._held and k and (self._u[k] != self._u[k - 1]).any():
+            changed = self._held and k and (self._u[k] != self._u[k - 1]).any()
+            if changed or (self._ticks and engine.event.next <= t + _rounding(t)):
                 engine.at_event(t, state, self._u[k])
                 state[:] = engine.states
             self._y[k] = engine.outputs_at(t, state, self._u[k])
@@ -336,12 +338,14 @@ class _Exchange:
                 event = crossed or asked
             else:
                 event = True
-            if event or t >= engine.event.next:
+            over = t >= end - _rounding(end)
+            late = over and self._ticks  # a tick at the end is done with the inputs of the next row
+            if event or (t >= engine.event.next and not late):
                 engine.at_event(t, x, u)
                 x = engine.states.copy()
                 if engine.event.ended:
                     return x
-            if t >= end - 1e-12 * max(1.0, abs(end)) and engine.event.next > t:
+            if over and (late or engine.event.next > t):
                 return x
         raise FmuError(f"more than {MOST_EVENTS} events at t = {t:.9g} s")
 
@@ -358,6 +362,11 @@ class _Exchange:
             else:
                 low = middle
         return high
+
+
+def _rounding(t: float) -> float:
+    """Return what rounding may add to a time."""
+    return 1e-12 * max(1.0, abs(t))
 
 
 @lru_cache(maxsize=16)
