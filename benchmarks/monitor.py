@@ -34,7 +34,7 @@ NOISE = {"x": 3e-4, "y": 3e-4, "psi": 1e-3}
 PROCESS = {"u": 0.01, "v": 0.01, "r": 0.03}
 GUST, GUST_SECONDS = {"u": 0.05, "v": 0.05, "r": 0.15}, 0.3
 #: Simulated hours by the wanted rate of false alarms [1/h].
-HOURS = {20.0: 16.0, 1.0: 40.0, 0.1: 40.0}
+HOURS = {20.0: 16.0, 1.0: 16.0, 0.1: 40.0}
 #: Runs side by side for each rate.
 RUNS = 48
 
