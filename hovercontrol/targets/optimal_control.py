@@ -108,9 +108,9 @@ def solve_ocp(
         system,
         np.asarray(timepts, dtype=float),
         integral_cost,
-        trajectory_constraints=trajectory_constraints,
+        trajectory_constraints=_listed("trajectory_constraints", trajectory_constraints),
         terminal_cost=terminal_cost,
-        terminal_constraints=terminal_constraints,
+        terminal_constraints=_listed("terminal_constraints", terminal_constraints),
         initial_guess=initial_guess,
         basis=basis,
         **options,
@@ -122,6 +122,22 @@ def solve_ocp(
         return_states=return_states,
         print_summary=print_summary,
     )
+
+
+def _listed(name: str, given: Constraint | Sequence[Constraint] | None) -> list[Constraint]:
+    """Return a list of SciPy's constraints, or of python-control's tuples (class, function, lower, upper)."""
+    classes = (LinearConstraint, NonlinearConstraint)
+
+    def is_one(thing: Any) -> bool:
+        told = isinstance(thing, tuple) and len(thing) == 4 and any(thing[0] is c for c in classes)
+        return told or isinstance(thing, classes)
+
+    every: list[Any] = [] if given is None else [given] if is_one(given) else list(given)
+    for one in every:
+        if not is_one(one):
+            wanted = "LinearConstraint or NonlinearConstraint of SciPy"
+            raise InputError(f"solve_ocp: {name}: expected {wanted}, found {shown(one)}")
+    return every
 
 
 class GradientProblem(optimal.OptimalControlProblem):

@@ -216,6 +216,8 @@ def test_a_line_that_a_logger_did_not_finish_is_left_out(tmp_path: Path) -> None
     assert any("an incomplete last line left out" in note for note in log.notes)
     path.write_text(GOOD + "0.3,1\n0.4,1,2,3\n0.5,1")
     assert "line 5: expected 4 values as in the header, found 2" in error_of(path)
+    path.write_bytes(GOOD.encode() + b"0.3,1,\xd9 \n0.5,1")
+    assert "line 5" in error_of(path)
 
 
 @pytest.mark.parametrize("jump", [-3600.0, 3600.0])

@@ -99,6 +99,13 @@ def test_gradients_are_the_differences_of_the_functions(way, rng):
         (craft("shooting"), [0.0, 0.5], {}, r"expected times 0.25 s apart, the step of 'plant', found 0.5"),
         (craft("shooting"), [0.5, 0.25], {}, "increasing times"),
         (craft("collocation"), TIMES, {"trajectory_method": "shooting"}, r"use to_control\(step=...\)"),
+        (
+            craft("shooting"),
+            TIMES,
+            {"terminal_constraints": [(1, 2)]},
+            r"terminal_constraints: expected Linear",
+        ),
+        (craft("shooting"), TIMES, {"trajectory_constraints": range(2)}, r"of SciPy, found 0"),
     ],
 )
 def test_wrong_input_is_refused_in_one_line(system, times, options, said):

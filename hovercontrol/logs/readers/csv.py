@@ -69,15 +69,16 @@ class CsvSource:
         # Arrow requires different names; columns without a name are never requested
         self._names = [name or f"\0{k}" for k, name in enumerate(self.header)]
 
-    def _cut_line(self) -> str:
-        """Return the last line if it lacks values and a line end, as when a logger lost its power."""
+    def _cut_line(self) -> int:
+        """Return the size of a last line without all values and a line end: the logger lost its power."""
         if self.dialect.rewritten:
-            return ""
+            return 0
         with self.file.open("rb") as stream:
             stream.seek(max(self.file.stat().st_size - HEAD, 0))
-            last = stream.read().rpartition(b"\n")[2].decode(self.dialect.encoding, errors="replace")
-        cut = last.strip() and not last.endswith("\r") and '"' not in last
-        return last if cut and len(self.dialect.cells(last)) < len(self.header) else ""
+            _, end, last = stream.read().rpartition(b"\n")
+        text = last.decode(self.dialect.encoding, errors="replace")
+        cut = end and text.strip() and not text.endswith("\r") and '"' not in text
+        return len(last) if cut and len(self.dialect.cells(text)) < len(self.header) else 0
 
     def _check_header(self) -> None:
         if not any(self.header) or all(map(_number, re.split(r"[;\s|,]+", ",".join(self.header)))):
@@ -105,9 +106,9 @@ class CsvSource:
         parse = pyarrow.csv.ParseOptions(delimiter="," if dialect.separator == " " else dialect.separator)
         if dialect.separator == " " and dialect.decimal == ",":
             parse.delimiter = ";"
-        if self._cut:
-            parse.invalid_row_handler = lambda row: "skip" if row.text == self._cut else "error"
         source: Any = self.file
+        if self._cut:
+            source = io.BufferedReader(_Beginning(self.file, self.file.stat().st_size - self._cut), BLOCK)
         if dialect.rewritten:
             source = io.BufferedReader(_Rewritten(self.file, dialect, parse.delimiter), BLOCK)
         return pyarrow.csv.open_csv(source, read_options=read, parse_options=parse, convert_options=convert)
@@ -215,6 +216,27 @@ class CsvSource:
                         f"{self.file}: line {line}, column {name!r}: expected a number, found {text[:40]!r}"
                     )
         return InputError(f"{self.file}: not readable as CSV: {reason(error)}")
+
+
+class _Beginning(io.RawIOBase):
+    """The first bytes of a file."""
+
+    def __init__(self, file: Path, size: int) -> None:
+        self._file: BinaryIO = file.open("rb")
+        self._left = size
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: Any) -> int:
+        block = self._file.read(min(len(buffer), self._left))
+        self._left -= len(block)
+        buffer[: len(block)] = block
+        return len(block)
+
+    def close(self) -> None:
+        self._file.close()
+        super().close()
 
 
 class _Rewritten(io.RawIOBase):
