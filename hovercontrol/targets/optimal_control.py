@@ -115,8 +115,12 @@ def solve_ocp(
         basis=basis,
         **options,
     )
+    start = np.asarray(initial_state, dtype=float)
+    if start.shape != (system.nstates,):
+        n = system.nstates
+        raise InputError(f"solve_ocp: initial_state: expected {n} values, found shape {start.shape}")
     return problem.compute_trajectory(
-        np.asarray(initial_state, dtype=float),
+        start,
         squeeze=squeeze,
         transpose=transpose,
         return_states=return_states,

@@ -111,3 +111,8 @@ def test_gradients_are_the_differences_of_the_functions(way, rng):
 def test_wrong_input_is_refused_in_one_line(system, times, options, said):
     with pytest.raises(hc.InputError, match=said):
         hc.solve_ocp(system, times, START, lambda x, u: 0.0, **options)
+
+
+def test_an_initial_state_of_another_size_is_refused_in_one_line():
+    with pytest.raises(hc.InputError, match=r"initial_state: expected 6 values, found shape \(2,\)"):
+        hc.solve_ocp(craft("shooting"), TIMES, [0.0, 0.0], lambda x, u: 0.0)
