@@ -211,6 +211,18 @@ def test_a_wrong_candidate_is_refused_in_one_line(candidates, text):
     assert "\n" not in str(error.value)
 
 
+def test_an_error_of_a_sensor_that_depends_on_the_motion_is_refused():
+    x, seen = hc.Signal("x", "m"), hc.Signal("seen", "m")
+    k, c = hc.Signal("k", "1", start=1.0), hc.Signal("c", "1/s", start=0.2)
+    rates, outputs = {"x": -c.symbol * x.symbol}, {"seen": k.symbol * x.symbol}
+    block = hc.Block("cart", [x], [], [seen], [k, c], rates, outputs)
+    with pytest.raises(InputError, match="'k': expected an effect on the motion"):
+        hc.monitor(
+            block, ["k"], false_alarms_per_hour=1.0, period=PERIOD, measured=["seen"],
+            process_noise={"x": 0.1}, measurement_noise={"seen": 0.1},
+        )  # fmt: skip
+
+
 def test_a_period_that_is_too_long_is_refused():
     with pytest.raises(InputError, match="fastest mode"):
         hc.monitor(
