@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from hovercontrol.fmi.exporter.sources import fmu_sources
@@ -74,19 +74,33 @@ int main(void)
 """
 
 
-def step_times() -> list[float]:
-    """Return the times of a step [ns] in the four cases of the driver."""
-    interface = Interface(loop_parts(load_scenario("table1"))["plant"], "events")
+def times_in_c(interface: Interface, driver: str, values: Mapping[str, float]) -> list[float]:
+    """Compile the sources of an FMU (FMI 3) with a main program, run it, and return what it prints.
+
+    Parameters
+    ----------
+    driver : str
+        Main program in C.
+    values : mapping of str to float
+        Macros for it, by name.
+    """
     files = fmu_sources(interface, 3, 1e-6, 1e-9)
-    numbers = [f"-DINPUTS={interface.first('input')}", f"-DSTEPS={STEPS}", f"-DREPEATS={REPEATS}"]
+    macros = [f"-D{name}={value}" for name, value in values.items()]
     with tempfile.TemporaryDirectory() as folder:
-        for name, text in {**files, "driver.c": _DRIVER}.items():
+        for name, text in {**files, "driver.c": driver}.items():
             Path(folder, name).write_text(text, encoding="utf-8")
         sources = sorted(path.name for path in Path(folder).glob("*.c"))
-        command = [*find_compiler(), *_FLAGS, *numbers, *sources, "-o", "driver", "-lm"]
+        command = [*find_compiler(), *_FLAGS, *macros, *sources, "-o", "driver", "-lm"]
         subprocess.run(command, cwd=folder, check=True)
         done = subprocess.run([Path(folder, "driver")], check=True, capture_output=True, text=True)
     return [float(line) for line in done.stdout.split()]
+
+
+def step_times() -> list[float]:
+    """Return the times of a step [ns] in the four cases of the driver."""
+    interface = Interface(loop_parts(load_scenario("table1"))["plant"], "events")
+    macros = {"INPUTS": interface.first("input"), "STEPS": STEPS, "REPEATS": REPEATS}
+    return times_in_c(interface, _DRIVER, macros)
 
 
 def rows() -> Iterator[tuple[str, str, str, bool | None]]:

@@ -302,22 +302,9 @@ def delays(log: hc.Log, rate: float = 1.0, seeds: int = 10) -> Iterator[tuple[st
     yield "outside, by effect", ", ".join(f"{n} {k}" for n, k in missed.items() if k), "", None
     yield "share of the right name in the largest evidence, least", f"{min(shares):.2f}", "", None
     yield "names that are possible, mean", f"{np.mean(sizes):.2f}", "", None
-    yield f"one tick in C, {len(CANDIDATES) + 1} candidates", f"{tick_time(block, log):.2f} us", "5 us", None
     yield "operations per tick", f"{operations(block)}", "", None
     size = 8 * len(block.states)
     yield "state", f"{size} bytes", "32 kB", size < 32768
-
-
-def tick_time(block: hc.Block, log: hc.Log) -> float:
-    """Return the processor time of a tick of the compiled monitor in a run in C [us]; the least of 5."""
-    rng = np.random.default_rng(1)
-    seen = {k: v + NOISE.get(k, 0.0) * rng.normal(size=v.size) for k, v in log.columns.items()}
-    compiled, spent = block.compile(), []
-    for _ in range(5):
-        begin = time.process_time()
-        compiled.simulate(log.time, seen | {"reset": 0 * log.time})
-        spent.append((time.process_time() - begin) / log.time.size)
-    return min(spent) * 1e6
 
 
 def operations(block: hc.Block) -> int:
