@@ -132,7 +132,9 @@ def _assembled(
     now = steps[-1].estimate
     # The candidates act on the true motion: after an alarm, the estimate is corrected by the named change.
     shift = sp.Matrix([sp.Symbol(f"shift[{i}]", real=True) for i in range(n)])
-    memory = Memory(design, write, write.matrix("actual", now.x + shift))
+    ahead = _ahead(design)
+    before = prior.x + sp.Matrix([s.symbol for s in ahead]) if ahead else prior.x
+    memory = Memory(design, write, write.matrix("actual", now.x + shift), before)
     then, Phi, drive = _predicted(design, write, now, step)
     forced, bias = _effects(design, write, memory, drive)
     begun = RUNNING.symbol >= settle - step / 2
@@ -160,9 +162,10 @@ def _assembled(
     tests = (LATCHED, *bank.states, *decision.refined.states)
     following = _following(states, tests, then, own, bank, decision, settled, elapsed)
     following |= sensors.next_values | memory.next_values | at.next_values
+    following |= {s.name: (Phi[i, :] * shift)[0] for i, s in enumerate(ahead)}
     block = Block(
         model.name,
-        states=(*states, RUNNING, *sensors.states, *memory.states, *at.states, *tests),
+        states=(*states, RUNNING, *sensors.states, *memory.states, *ahead, *at.states, *tests),
         inputs=(*model.inputs, RESET),
         outputs=decision.outputs,
         parameters=(*own.every, *model.parameters, *(p for c in design.candidates for p in c.parameters)),
@@ -172,6 +175,19 @@ def _assembled(
         period=design.period,
     )
     return block, bank
+
+
+def _ahead(design: Design) -> tuple[Signal, ...]:
+    """Return states for the error of the prediction by the named change, before the measurements.
+
+    Errors of sensors that depend on the motion need it: the error after the measurements follows from them.
+    """
+    plant = design.model.plant.states
+    moving = {s.symbol for s in plant}
+    if not any(e.free_symbols & moving for c in design.candidates for e in c.seen.values()):
+        return ()
+    text = "error of the prediction by the named change"
+    return tuple(Signal(f"ahead[{i}]", s.unit, f"{text}, of {s.name}") for i, s in enumerate(plant))
 
 
 def _bounds(c: Candidate, design: Design, now: Estimate) -> tuple[sp.Expr, sp.Expr]:
@@ -217,8 +233,8 @@ def _effects(
                 g += drive[i] * write.define(f"a[{j},{i}]", memory.rate(c, s.name))
         forced.append(g)
     bias = [
-        [memory.at(c, c.seen.get(s.name, sp.S.Zero)) for s in design.model.measured]
-        for c in design.candidates
+        [write.define(f"error[{j},{i}]", memory.seen(c, s.name)) for i, s in enumerate(design.model.measured)]
+        for j, c in enumerate(design.candidates)
     ]
     return forced, bias
 

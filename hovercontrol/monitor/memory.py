@@ -1,4 +1,8 @@
-"""What a monitor's candidates remember from tick to tick: states of their own, and late commands."""
+"""What a monitor's candidates remember from tick to tick: states of their own, and late commands.
+
+A candidate's changes of the derivatives are those at the motion after this tick's measurements, held during
+the tick. Its errors of the measured values are those at the prediction, as the filter's innovations are.
+"""
 
 from __future__ import annotations
 
@@ -16,27 +20,35 @@ from hovercontrol.monitor.design import Design
 class Memory:
     """What candidates remember; it gives their expressions at the estimate.
 
+    Parameters
+    ----------
+    x, before : sympy.Matrix, shape (n, 1)
+        The motion after this tick's measurements, and its prediction before them.
+
     Attributes
     ----------
     states : list of Signal
     next_values : dict of str to sympy.Expr
     """
 
-    def __init__(self, design: Design, write: Equations, x: sp.Matrix) -> None:
+    def __init__(self, design: Design, write: Equations, x: sp.Matrix, before: sp.Matrix) -> None:
         self._write, self._design = write, design
-        plant = design.model.plant
-        self._here: dict[sp.Expr, sp.Expr] = {s.symbol: e for s, e in zip(plant.states, x, strict=True)}
-        # uncertain coefficients are states of the filter, and parameters in a candidate's expressions
-        name = design.model.name
-        self._here |= {
-            sp.Symbol(f"{name}.{s.name}", real=True): e for s, e in zip(plant.states, x, strict=True)
-        }
+        self._here, self._predicted = self._at(x), self._at(before)
         self.states: list[Signal] = []
         self.next_values: dict[str, sp.Expr] = {}
         self._own: dict[str, dict[sp.Expr, sp.Expr]] = {}
         self._lines: dict[str, list[sp.Expr]] = {}
         for c in design.candidates:
             self._own[c.name] = self._late(c) | self._remembered(c)
+
+    def _at(self, x: sp.Matrix) -> dict[sp.Expr, sp.Expr]:
+        """Return the values of the states' symbols.
+
+        Uncertain coefficients are states of the filter, and parameters in a candidate's expressions.
+        """
+        states, name = self._design.model.plant.states, self._design.model.name
+        found: dict[sp.Expr, sp.Expr] = {s.symbol: e for s, e in zip(states, x, strict=True)}
+        return found | {sp.Symbol(f"{name}.{s.name}", real=True): e for s, e in zip(states, x, strict=True)}
 
     def rate(self, c: Candidate, state: str) -> sp.Expr:
         """Return a of a candidate in the derivative of a state."""
@@ -45,6 +57,12 @@ class Memory:
     def at(self, c: Candidate, e: sp.Expr) -> sp.Expr:
         """Return an expression of a candidate at the estimate."""
         return sp.sympify(e).xreplace(self._own[c.name]).xreplace(self._here)
+
+    def seen(self, c: Candidate, channel: str) -> sp.Expr:
+        """Return b of a candidate in a measured channel, at the prediction."""
+        own = {s.symbol: sp.Symbol(f"{c.name}.{s.name}", real=True) for s in c.memory}
+        value = sp.sympify(c.seen.get(channel, sp.S.Zero)).xreplace(own)
+        return value.xreplace(self._own[c.name]).xreplace(self._predicted)
 
     def _late(self, c: Candidate) -> dict[sp.Expr, sp.Expr]:
         """Write the late commands: their mean over the tick, of commands that hold from tick to tick."""

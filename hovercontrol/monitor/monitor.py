@@ -167,13 +167,6 @@ def monitor(
     steps = steps_between(plant, tick, name, substeps)
     path = motion_of(plant, measured, tick, motion, name)
     found = candidates_of(craft, candidates, measured, path.sizes, name, tick)
-    moving = {s.symbol for s in known.plant.states}
-    for c in found:
-        if any(e.free_symbols & moving for e in c.seen.values()):
-            raise InputError(
-                f"{name}: candidate {c.name!r}: expected an effect on the motion or a constant error of a "
-                "sensor, found an error of a sensor that depends on the motion"
-            )
     design = Design(
         known,
         tuple(found),

@@ -7,6 +7,7 @@ from scipy import stats
 import hovercontrol as hc
 from hovercontrol.errors import InputError
 from hovercontrol.estimators.disturbance import disturbance_name
+from hovercontrol.monitor.bank import LIMIT
 from hovercontrol.monitor.candidates import candidates_of
 from hovercontrol.monitor.design import Design, estimation_model
 from hovercontrol.monitor.equations import monitor_block
@@ -211,18 +212,6 @@ def test_a_wrong_candidate_is_refused_in_one_line(candidates, text):
     assert "\n" not in str(error.value)
 
 
-def test_an_error_of_a_sensor_that_depends_on_the_motion_is_refused():
-    x, seen = hc.Signal("x", "m"), hc.Signal("seen", "m")
-    k, c = hc.Signal("k", "1", start=1.0), hc.Signal("c", "1/s", start=0.2)
-    rates, outputs = {"x": -c.symbol * x.symbol}, {"seen": k.symbol * x.symbol}
-    block = hc.Block("cart", [x], [], [seen], [k, c], rates, outputs)
-    with pytest.raises(InputError, match="'k': expected an effect on the motion"):
-        hc.monitor(
-            block, ["k"], false_alarms_per_hour=1.0, period=PERIOD, measured=["seen"],
-            process_noise={"x": 0.1}, measurement_noise={"seen": 0.1},
-        )  # fmt: skip
-
-
 def test_a_period_that_is_too_long_is_refused():
     with pytest.raises(InputError, match="fastest mode"):
         hc.monitor(
@@ -382,20 +371,32 @@ def steady(K, W, first, m=1):
 
 def test_the_rate_of_tests_of_single_samples_is_the_tail_of_chi_squared():
     found = steady(600, 1, 1)
-    rate = false_alarm_rate(found, np.array([0.5]), -FREE, FREE, 20.0)
-    assert rate == pytest.approx(stats.chi2.sf(20.0 * 1.5, 1), rel=1e-3)
-    one_sided = false_alarm_rate(found, np.array([0.5]), np.zeros(1), FREE, 20.0)
+    rate = false_alarm_rate(found, np.array([0.5]), -FREE, FREE, 5.5)
+    assert rate == pytest.approx(stats.chi2.sf(5.5 * 1.5, 1), rel=1e-3)
+    one_sided = false_alarm_rate(found, np.array([0.5]), np.zeros(1), FREE, 5.5)
     assert one_sided == pytest.approx(rate / 2, rel=1e-3)
+    assert false_alarm_rate(found, np.array([0.5]), -FREE, FREE, 6.1) == 0.0  # limited to 3: 9 < 6.1 * 1.5
+
+
+def test_the_rate_of_tests_of_two_limited_samples_is_an_integral_of_their_tail():
+    """b = psi(e1) + psi(e2), J = 2: P(b > c) by the density of e1, for c = 4.5 and c = 5.5."""
+    found = steady(600, 1, 1, m=2)
+    for c in (4.5, 5.5):
+        rate = false_alarm_rate(found, np.zeros(1), np.zeros(1), FREE, c**2 / 2, draws=20_000)
+        e = np.linspace(-LIMIT, LIMIT, 20_001)
+        over = np.where(c - e < LIMIT, stats.norm.sf(c - e), 0.0)
+        tail = np.trapezoid(stats.norm.pdf(e) * over, e) + stats.norm.sf(LIMIT) * stats.norm.sf(c - LIMIT)
+        assert rate == pytest.approx(tail, rel=0.05)
 
 
 @pytest.mark.parametrize("low", [0.3, 2.0])
 def test_the_rate_of_a_bounded_coefficient_is_that_of_its_largest_likelihood(low):
     """One sample, eta = 1: g is the largest 2 z theta - 1.5 theta^2 with theta >= -low, z is N(0, 1)."""
-    found, h = steady(600, 1, 1), 6.0
+    found, h = steady(600, 1, 1), 4.0
     rate = false_alarm_rate(found, np.array([0.5]), np.array([-low]), FREE, h)
     z = np.linspace(-8.0, 8.0, 4001)
     theta = np.arange(-low, 8.0, 0.002)
-    g = np.array([(2 * one * theta - 1.5 * theta**2).max() for one in z])
+    g = np.array([(2 * np.clip(one, -LIMIT, LIMIT) * theta - 1.5 * theta**2).max() for one in z])
     assert rate == pytest.approx(np.trapezoid((g > h) * stats.norm.pdf(z), z), rel=0.02)
 
 
@@ -409,7 +410,8 @@ def test_the_rate_of_false_alarms_is_that_of_a_simulation_with_resets(rest):
     off = np.zeros(runs)  # ticks until the tests begin anew
     for k in range(ticks):
         on = (off == 0)[:, None]
-        b, J = (b + rng.normal(size=(runs, 1))) * on, (J + 1.0) * on
+        e = np.clip(rng.normal(size=(runs, 1)), -LIMIT, LIMIT)
+        b, J = (b + e) * on, (J + 1.0) * on
         over = (b**2 > h * (J + J0)).any(axis=1)
         alarms += int(over.sum())
         b[over], J[over] = 0.0, 0.0
