@@ -26,7 +26,7 @@ from hovercontrol.fmi.replay.rows import Rows
 from hovercontrol.fmi.replay.runs import RunFailed
 from hovercontrol.fmi.replay.smoothed import smoothed
 from hovercontrol.fmi.replay.unknowns import Unknowns
-from hovercontrol.fmi.replay.whitening import Whitening, whitening_of
+from hovercontrol.fmi.replay.whitening import MOST_ORDER, Whitening, whitening_of
 
 Array = NDArray[np.float64]
 
@@ -159,7 +159,8 @@ def refine(unknowns: Unknowns, values: Array, iterations: int) -> FmuFit:
     residuals = _residuals(unknowns, base)
     if not unknowns.rough:
         slopes = unknowns.slopes(values, base)
-        J = [white.apply(s, np.isfinite(r)) for s, r in zip(slopes, residuals, strict=True)]
+        white = _white(unknowns, values, taken=_taken(slopes, residuals, white))
+        J = _whitened(slopes, residuals, white)
     w = [white.apply(r, np.isfinite(r)) for r in residuals]
     parts = _blocks([len(a) for a in J])
     S = np.array([np.einsum("kci,kcj->ij", J[k][rows], J[k][rows]) for k, rows in parts])
@@ -280,11 +281,29 @@ def _residuals(unknowns: Unknowns, base: Sequence[Array]) -> list[Array]:
     return [rows.values - y for rows, y in zip(unknowns.logs, base, strict=True)]
 
 
-def _white(unknowns: Unknowns, values: Array, **options: int) -> Whitening:
+def _white(
+    unknowns: Unknowns, values: Array, *, most: int = MOST_ORDER, taken: Sequence[Array] | None = None
+) -> Whitening:
     residuals = _residuals(unknowns, unknowns.predict(values))
     every = np.concatenate([rows.values for rows in unknowns.logs])
     spread = np.maximum(np.nanstd(every, axis=0), 1e-9 * np.nanmax(np.abs(every), axis=0))
-    return whitening_of(residuals, np.maximum(spread, 1e-12), **options)
+    return whitening_of(residuals, np.maximum(spread, 1e-12), most=most, taken=taken)
+
+
+def _whitened(slopes: Sequence[Array], residuals: Sequence[Array], white: Whitening) -> list[Array]:
+    """Return J of each log."""
+    return [white.apply(s, np.isfinite(r)) for s, r in zip(slopes, residuals, strict=True)]
+
+
+def _taken(slopes: Sequence[Array], residuals: Sequence[Array], white: Whitening) -> list[Array]:
+    """Return the root L of what the fit took of each log: ``L L' = s C s'``, s the slopes."""
+    J = np.concatenate([a.reshape(-1, a.shape[2]) for a in _whitened(slopes, residuals, white)])
+    scale = np.linalg.norm(J, axis=0)
+    scale[scale == 0.0] = 1.0
+    size, axes = np.linalg.eigh((J / scale).T @ (J / scale))
+    kept = size > 1e-12 * size.max(initial=0.0)
+    root = axes[:, kept] / np.sqrt(size[kept]) / scale[:, None]
+    return [s @ root for s in slopes]
 
 
 def _cost(unknowns: Unknowns, base: Sequence[Array], white: Whitening) -> float:
