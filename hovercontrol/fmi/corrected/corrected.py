@@ -71,8 +71,9 @@ def corrected_fmu(
 
     Notes
     -----
-    The corrected FMU gives no directional derivatives and no derivatives of outputs. Its states can be saved
-    where the given FMU's can.
+    The corrected FMU gives directional and adjoint derivatives if the given one has Model Exchange and gives
+    them, the Blocks read only its inputs, parameters, states, derivatives and outputs, and they do not depend
+    on time itself. It gives no derivatives of outputs. Its states can be saved where the given FMU's can.
 
     Source: FMI 2.0.4 and FMI 3.0.2 (fmi-standard.org).
 

@@ -18,6 +18,7 @@ import hovercontrol
 from hovercontrol.core.signals import Signal
 from hovercontrol.fmi.corrected.given import Given, Variable
 from hovercontrol.fmi.corrected.joined import Joined
+from hovercontrol.fmi.corrected.partials import PARTIALS, differentiable
 from hovercontrol.fmi.exporter.description import xml_bytes
 from hovercontrol.fmi.exporter.units import fmi_unit
 from hovercontrol.fmi.exporter.variables import ascii_name
@@ -98,6 +99,8 @@ def _abilities(given: Given, joined: Joined, identifier: str) -> None:
     root, exchange, steps = given.root, given.exchange, given.steps
     late = bool(joined.block.delays)
     kept = {k: v for k, v in given.part.attrib.items() if k in _KEPT}
+    if differentiable(given, joined):
+        kept |= {k: v for k, v in given.part.attrib.items() if k in PARTIALS}
     places = [e for e in (exchange, steps, root.find("ScheduledExecution")) if e is not None]
     at = min(list(root).index(e) for e in places)
     for e in places:
