@@ -451,3 +451,37 @@ def test_directional_derivatives_are_not_promised_where_they_cannot_be_given(pla
     )  # fmt: skip
     path = corrected_fmu(plants[2], tmp_path / "t.fmu", after=drifting)
     assert abilities(path) == []
+
+
+@pytest.mark.parametrize("kind", ["CoSimulation", None])
+def test_the_interface_that_is_used(written, kind, tmp_path):
+    """x' = u + offset - k x: in Euler's steps of 0.1 s, as the FMU's Co-Simulation takes them; else exact."""
+    u, offset = Signal("u", "m/s"), Signal("offset", "m/s", start=0.3)
+    before = Block(
+        "before", [], [u], [Signal("u_given", "m/s")], [offset], {}, {"u_given": u.symbol + offset.symbol}
+    )
+    path = corrected_fmu(written("dahlquist"), tmp_path / "c.fmu", before=before, kind=kind)
+    described = fmpy.read_model_description(str(path), validate=True)
+    assert (described.modelExchange is None) == (kind == "CoSimulation")
+    fmu, vr = slave(path, tmp_path / "unzipped", 3)
+    fmu.enterInitializationMode()
+    fmu.exitInitializationMode()
+    found, euler, exact = [], [1.0], [1.0]
+    for k in range(30):
+        now = np.sin(k)
+        fmu.setFloat64([vr["u"]], [now])
+        fmu.doStep(0.1 * k, 0.1)
+        found += fmu.getFloat64([vr["x"]])
+        euler.append(euler[-1] + 0.1 * (now + 0.3 - euler[-1]))
+        exact.append(now + 0.3 + (exact[-1] - now - 0.3) * np.exp(-0.1))
+    fmu.terminate()
+    fmu.freeInstance()
+    want, other = (euler, exact) if kind else (exact, euler)
+    assert np.abs(np.array(found) - want[1:]).max() < 1e-6
+    assert np.abs(np.array(found) - other[1:]).max() > 1e-2
+
+
+def test_an_fmu_with_clocks_is_refused_in_one_line(written, tmp_path):
+    with pytest.raises(InputError, match="an FMU with clocks cannot be corrected; 'e' has one") as found:
+        corrected_fmu(written("clocked"), tmp_path / "c.fmu", before=lagged())
+    assert "\n" not in str(found.value)
