@@ -307,7 +307,9 @@ def _taken(slopes: Sequence[Array], residuals: Sequence[Array], white: Whitening
 
 
 def _cost(unknowns: Unknowns, base: Sequence[Array], white: Whitening) -> float:
-    return sum(float((white.apply(r, np.isfinite(r)) ** 2).sum()) for r in _residuals(unknowns, base))
+    """Return the sum of squares; infinite where a run diverges."""
+    with np.errstate(over="ignore"):
+        return sum(float((white.apply(r, np.isfinite(r)) ** 2).sum()) for r in _residuals(unknowns, base))
 
 
 def _normal(
