@@ -13,6 +13,11 @@ covariance V, with sensitivities J (Seber and Lee, Linear Regression Analysis, 2
     E[r r'] = V - J C J',    C = (J' V^-1 J)^-1
 
 so products of residuals are summed with those of J C J' added; of white noise this gives ``r'r / (n - P)``.
+
+Schwarz' criterion finds an order above zero in some channels of white noise too. That costs a fit little, but
+it is no evidence that a model lacks something. A residual is said to depend on its past if twice the log
+likelihood of its order p, ``n log(var e / var w)``, exceeds the chi-square quantile of p degrees of freedom;
+the level is divided by the number of orders tried in all channels (Bonferroni).
 """
 
 from __future__ import annotations
@@ -23,11 +28,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import chi2
 
 Array = NDArray[np.float64]
 
 #: Largest order of the autoregression, and fewest samples for each of its coefficients.
 MOST_ORDER, SAMPLES = 12, 20
+#: Chance that white residuals are said to depend on their past, of all channels together.
+FALSE = 0.001
 #: A residual below this fraction of the spread of its channel is rounding, not noise.
 ROUNDING = 1e-7
 
@@ -46,17 +54,29 @@ class Whitening:
         Logarithm of the determinant of Sigma.
     count : float
         Residuals of a channel, on average over the channels.
+    gains : tuple of float
+        Twice the log likelihood that the autoregression of each channel gains.
     """
 
     coefficients: tuple[Array, ...]
     root: Array
     log_det: float
     count: float
+    gains: tuple[float, ...]
 
     @property
     def orders(self) -> tuple[int, ...]:
         """The order of each channel."""
         return tuple(len(a) for a in self.coefficients)
+
+    @property
+    def coloured(self) -> tuple[bool, ...]:
+        """Whether the residual of each channel depends on its past beyond chance."""
+        level = FALSE / (MOST_ORDER * len(self.gains))
+        return tuple(
+            len(a) > 0 and gain > float(chi2.isf(level, len(a)))
+            for a, gain in zip(self.coefficients, self.gains, strict=True)
+        )
 
     @property
     def log_likelihood(self) -> float:
@@ -105,11 +125,12 @@ def whitening_of(
         np.concatenate([r[..., None], np.where(np.isfinite(r)[..., None], L, np.nan)], axis=2)
         for r, L in zip(residuals, taken, strict=True)
     ]
-    coefficients, innovations = [], []
+    coefficients, gains, innovations = [], [], []
     for c in range(C):
         parts = [s[:, c] for s in series]
-        a = _autoregression(parts, float(floor[c]), most)
+        a, gain = _autoregression(parts, float(floor[c]), most)
         coefficients.append(a)
+        gains.append(gain)
         innovations.append(np.concatenate([_filtered(part, a) for part in parts]))
     W = np.stack(innovations, axis=1)
     seen = np.isfinite(W[..., 0])
@@ -125,7 +146,7 @@ def whitening_of(
     root = np.linalg.inv(np.linalg.cholesky(Sigma))
     log_det = float(np.linalg.slogdet(Sigma)[1])
     count = float(seen.sum()) / C
-    return Whitening(tuple(coefficients), np.asarray(root, dtype=float), log_det, count)
+    return Whitening(tuple(coefficients), np.asarray(root, dtype=float), log_det, count, tuple(gains))
 
 
 def _filtered(e: Array, a: Array) -> Array:
@@ -137,19 +158,20 @@ def _filtered(e: Array, a: Array) -> Array:
     return np.asarray(np.where(np.isfinite(e), w, np.nan))
 
 
-def _autoregression(parts: Sequence[Array], floor: float, most: int) -> Array:
-    """Return the coefficients of the best order, of series of shape (K, 1 + P)."""
+def _autoregression(parts: Sequence[Array], floor: float, most: int) -> tuple[Array, float]:
+    """Return the coefficients of the best order, of series of shape (K, 1 + P), and its gain."""
     every = np.concatenate([p[:, 0] for p in parts])
     total = int(np.isfinite(every).sum())
     most = min(most, total // SAMPLES, *(len(p) // 4 for p in parts))
     if most < 1 or np.sqrt(np.nanmean(every**2)) <= floor:
-        return np.zeros(0)
+        return np.zeros(0), 0.0
     gram, n = np.zeros((most + 1, most + 1)), 0
     for p in parts:
         lagged = np.stack([np.nan_to_num(p)[most - i : len(p) - i] for i in range(most + 1)], axis=1)
         lagged = lagged[np.isfinite(p[most:, 0])]
         gram, n = gram + np.tensordot(lagged, lagged, axes=((0, 2), (0, 2))), n + len(lagged)
-    best, chosen = n * math.log(max(gram[0, 0] / n, floor**2)), np.zeros(0)
+    white = n * math.log(max(gram[0, 0] / n, floor**2))
+    best, chosen = white, np.zeros(0)
     for order in range(1, most + 1):
         own = slice(1, order + 1)
         a = np.linalg.lstsq(gram[own, own], gram[own, 0], rcond=1e-13)[0]
@@ -157,4 +179,4 @@ def _autoregression(parts: Sequence[Array], floor: float, most: int) -> Array:
         score = n * math.log(max(left / n, floor**2)) + order * math.log(n)
         if score < best:
             best, chosen = score, np.asarray(a, dtype=float)
-    return chosen
+    return chosen, white - best + len(chosen) * math.log(n)
