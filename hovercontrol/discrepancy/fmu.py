@@ -24,6 +24,7 @@ from hovercontrol.discrepancy.fmu_fits import (
     EFFORT,
     Scored,
     agreement,
+    completed,
     fitted,
     numbers_of,
     screened,
@@ -156,7 +157,7 @@ def diagnose_fmu(
             step = _step(search, now)
             if step is None:
                 break
-            now = step.fit
+            now = completed(step.fit)
             named.append(step)
         now, named = _confirmed(search, base, now, named)
         said("predicting the held-out logs")
