@@ -271,12 +271,14 @@ def craft(folder: Path) -> Path:
 def diagnoses(folder: Path) -> Iterator[Row]:
     """Yield how often a planted effect is named, and how often one that is not there."""
     plant = hc.fmu_plant(craft(folder), ["plant.sway_linear_drag"], isolated=False)
-    false, unsound, begin = 0, 0, time.perf_counter()
+    false, unsound, none, begin = 0, 0, 0, time.perf_counter()
     for seed in range(SOUND):
         found = hc.diagnose(plant, [voyage(seed)])
         ended("nothing planted", seed, found.verdict, *found.effects)
         false += bool(found.effects)
+        none += found.verdict == "none"
     yield counted("nothing planted: an effect named", false, SOUND, "0", 0.0, 0.0)
+    yield counted("nothing planted: verdict none", none, SOUND, "", 0.0)
     hits, within, wrong = 0, 0, list[str]()
     for k, (case, (place, name, true)) in enumerate(PLANTED.items()):
         own = 0
