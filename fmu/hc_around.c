@@ -121,6 +121,7 @@ void hc_around_free(hc_around *c)
     hc_delays_free(c->delays);
 #endif
     hc_history_free(&c->history);
+    free(c->space);
     free(c->x);
     free(c->name);
     free(c);

@@ -39,6 +39,8 @@ typedef struct {
     const unsigned *array;
     const unsigned *array_size;
     int inner_exchange, variable_step; /* the inner FMU has Model Exchange; its steps may have any length */
+    int differentiable;               /* there are partial derivatives */
+    const char *source_known;         /* 1: the inner FMU's known, such as a state or an input, or constant between events */
     int n_late;                       /* sources that arrive late, and by how much [s] */
     const int *late_source;
     void (*late_seconds)(const double *p, double *delay);
@@ -74,6 +76,8 @@ typedef struct hc_around {
     int ramp;            /* sources go from y_start at t_start to y_end at t_end */
     double t_start, t_end;
     int ended;
+    void *space; /* of hc_around_partials.c, and its size */
+    size_t room;
 } hc_around;
 
 /* ---- hc_around.c: life, messages, evaluation ---- */
@@ -106,12 +110,24 @@ static inline double hc_around_time(const hc_around *c)
 
 /* ---- hc_around_values.c: real variables ---- */
 
+enum { INNER, GIVEN, MEASURED, ADDED, OWN_STATE, OWN_SLOPE, OWN_PARAMETER };
+
+/* What a value reference is, and its place there. */
+int hc_around_kind(unsigned vr, int *place);
+/* Place in a list; -1 if it is not there. */
+int hc_around_find(const unsigned *list, int n, unsigned vr);
 int hc_around_get(hc_around *c, const unsigned *vr, size_t n, double *value);
 int hc_around_set(hc_around *c, const unsigned *vr, size_t n, const double *value);
 /* Before any variable of the inner FMU is set. */
 int hc_around_before_set(hc_around *c);
 /* Numbers of values of n variables. */
 size_t hc_around_width(const unsigned *vr, size_t n);
+
+/* ---- hc_around_partials.c ---- */
+
+/* Products with the matrix J of partial derivatives: J seed or, where `adjoint`, J' seed. */
+int hc_around_partials(hc_around *c, int adjoint, const unsigned *unknown, size_t n_unknown, const unsigned *known,
+                       size_t n_known, const double *seed, double *sensitivity);
 
 /* ---- hc_around_exchange.c: Model Exchange ---- */
 

@@ -157,14 +157,8 @@ fmi2Status FMI2(GetDirectionalDerivative)(HC_ARGUMENTS, const fmi2ValueReference
                                           const fmi2ValueReference knowns[], size_t n_knowns, const fmi2Real seed[],
                                           fmi2Real sensitivity[])
 {
-    ENTER(GetDirectionalDerivative, COMPUTED);
-    (void)unknowns;
-    (void)n_unknowns;
-    (void)knowns;
-    (void)n_knowns;
-    (void)seed;
-    (void)sensitivity;
-    NOT_SUPPORTED("directional derivatives");
+    ENTER(GetDirectionalDerivative, HC_INITIALIZATION | INITIALIZED);
+    return (fmi2Status)hc_around_partials(c, 0, unknowns, n_unknowns, knowns, n_knowns, seed, sensitivity);
 }
 
 /* ---- Model Exchange ---- */

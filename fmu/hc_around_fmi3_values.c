@@ -106,6 +106,24 @@ fmi3Status FMI3(DeserializeFMUState)(HC_ARGUMENTS, const fmi3Byte bytes[], size_
     return (fmi3Status)hc_around_read(c, bytes, size, state);
 }
 
+/* ---- partial derivatives ---- */
+
+fmi3Status FMI3(GetDirectionalDerivative)(HC_PARTIAL_ARGUMENTS)
+{
+    ENTER(GetDirectionalDerivative, HC_INITIALIZATION | INITIALIZED);
+    if (wrong_count(c, knowns, n_knowns, n_seed) || wrong_count(c, unknowns, n_unknowns, n_sensitivity))
+        return fmi3Error;
+    return (fmi3Status)hc_around_partials(c, 0, unknowns, n_unknowns, knowns, n_knowns, seed, sensitivity);
+}
+
+fmi3Status FMI3(GetAdjointDerivative)(HC_PARTIAL_ARGUMENTS)
+{
+    ENTER(GetAdjointDerivative, HC_INITIALIZATION | INITIALIZED);
+    if (wrong_count(c, unknowns, n_unknowns, n_seed) || wrong_count(c, knowns, n_knowns, n_sensitivity))
+        return fmi3Error;
+    return (fmi3Status)hc_around_partials(c, 1, unknowns, n_unknowns, knowns, n_knowns, seed, sensitivity);
+}
+
 /* ---- not supported ---- */
 
 #if defined __GNUC__
@@ -117,8 +135,6 @@ fmi3Status FMI3(DeserializeFMUState)(HC_ARGUMENTS, const fmi3Byte bytes[], size_
         ENTER(function, ANY);                                                                                         \
         return (fmi3Status)hc_around_fail(c, "not supported: %s", what);                                              \
     }
-REFUSE(GetDirectionalDerivative, (HC_PARTIAL_ARGUMENTS), "directional derivatives")
-REFUSE(GetAdjointDerivative, (HC_PARTIAL_ARGUMENTS), "adjoint derivatives")
 REFUSE(GetOutputDerivatives,
        (HC_REFERENCES, const fmi3Int32 orders[], fmi3Float64 values[], size_t n_values), "derivatives of outputs")
 REFUSE(EnterConfigurationMode, (HC_ARGUMENTS), "structural parameters")

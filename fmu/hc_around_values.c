@@ -3,9 +3,7 @@
 
 static const hc_around_table *const table = &hc_surroundings;
 
-enum { INNER, GIVEN, MEASURED, ADDED, OWN_STATE, OWN_SLOPE, OWN_PARAMETER };
-
-static int find(const unsigned *list, int n, unsigned vr)
+int hc_around_find(const unsigned *list, int n, unsigned vr)
 {
     for (int i = 0; i < n; i++)
         if (list[i] == vr)
@@ -13,15 +11,14 @@ static int find(const unsigned *list, int n, unsigned vr)
     return -1;
 }
 
-/* What a value reference is, and its place there. */
-static int kind_of(unsigned vr, int *place)
+int hc_around_kind(unsigned vr, int *place)
 {
     const unsigned n = (unsigned)hc_model.n_states, moving = (unsigned)hc_around_continuous();
-    if ((*place = find(table->driven, table->n_driven, vr)) >= 0)
+    if ((*place = hc_around_find(table->driven, table->n_driven, vr)) >= 0)
         return GIVEN;
-    if ((*place = find(table->measured, table->n_measured, vr)) >= 0)
+    if ((*place = hc_around_find(table->measured, table->n_measured, vr)) >= 0)
         return MEASURED;
-    if ((*place = find(table->added, table->n_added, vr)) >= 0)
+    if ((*place = hc_around_find(table->added, table->n_added, vr)) >= 0)
         return ADDED;
     if (vr < table->first || vr >= table->first + n + moving + (unsigned)hc_model.n_parameters)
         return INNER;
@@ -32,7 +29,7 @@ static int kind_of(unsigned vr, int *place)
 
 static size_t size_of(unsigned vr)
 {
-    const int i = find(table->array, table->n_arrays, vr);
+    const int i = hc_around_find(table->array, table->n_arrays, vr);
     return i < 0 ? 1 : table->array_size[i];
 }
 
@@ -72,17 +69,17 @@ int hc_around_get(hc_around *c, const unsigned *vr, size_t n, double *value)
         worst = HC_DONE;
     for (size_t k = 0; k < n && worst < HC_ERROR;) {
         size_t end = k;
-        const int kind = kind_of(vr[k], &i);
+        const int kind = hc_around_kind(vr[k], &i);
         if (kind != INNER && kind != ADDED) {
             *value++ = own_value(c, kind, i);
             k++;
             continue;
         }
-        while (end < n && (end == k || (kind == INNER && kind_of(vr[end], &i) == INNER)))
+        while (end < n && (end == k || (kind == INNER && hc_around_kind(vr[end], &i) == INNER)))
             end++;
         status = hc_inner_get_values(c->inner, vr + k, end - k, value, hc_around_width(vr + k, end - k));
         if (kind == ADDED) {
-            kind_of(vr[k], &i);
+            hc_around_kind(vr[k], &i);
             value[0] += c->y[table->n_driven + table->n_measured + i];
         }
         value += hc_around_width(vr + k, end - k);
@@ -132,7 +129,7 @@ int hc_around_set(hc_around *c, const unsigned *vr, size_t n, const double *valu
     c->valid = 0;
     for (size_t k = 0; k < n && status < HC_DISCARD;) {
         size_t end = k;
-        const int kind = kind_of(vr[k], &i);
+        const int kind = hc_around_kind(vr[k], &i);
         if (kind == MEASURED || kind == OWN_SLOPE)
             return hc_around_fail(c, "value reference %u cannot be set", vr[k]);
         if (kind != INNER && kind != ADDED) {
@@ -140,7 +137,7 @@ int hc_around_set(hc_around *c, const unsigned *vr, size_t n, const double *valu
             k++;
             continue;
         }
-        while (end < n && (end == k || kind_of(vr[end], &i) == INNER))
+        while (end < n && (end == k || hc_around_kind(vr[end], &i) == INNER))
             end++;
         status = hc_around_before_set(c);
         if (status < HC_DISCARD)

@@ -52,6 +52,9 @@ int hc_inner_enter_continuous(hc_inner *inner);
 /* Co-Simulation; `ended` where the FMU ends the simulation or does not reach the end of the step. */
 int hc_inner_step(hc_inner *inner, double time, double length, int *ended);
 int hc_inner_reset(hc_inner *inner);
+/* Products with its matrix of partial derivatives; n_seed and n_sensitivity are numbers of values. */
+int hc_inner_partials(hc_inner *inner, int adjoint, const unsigned *unknown, size_t n_unknown, const unsigned *known,
+                      size_t n_known, const double *seed, size_t n_seed, double *sensitivity, size_t n_sensitivity);
 /* Saved states: `*state` NULL makes a new one. */
 int hc_inner_save(hc_inner *inner, void **state);
 int hc_inner_load(hc_inner *inner, void *state);

@@ -141,6 +141,14 @@ int hc_inner_reset(hc_inner *inner)
     return (int)inner->Reset(inner->component);
 }
 
+int hc_inner_partials(hc_inner *inner, int adjoint, const unsigned *unknown, size_t n_unknown, const unsigned *known,
+                      size_t n_known, const double *seed, size_t n_seed, double *sensitivity, size_t n_sensitivity)
+{
+    (void)n_seed; /* FMI 2 has no arrays and no adjoint derivatives */
+    (void)n_sensitivity;
+    return adjoint ? HC_ERROR : CALL_IF(GetDirectionalDerivative, unknown, n_unknown, known, n_known, seed, sensitivity);
+}
+
 int hc_inner_save(hc_inner *inner, void **state)
 {
     return CALL_IF(GetFMUstate, state);

@@ -17,7 +17,9 @@
     X(SetContinuousStates) X(GetDerivatives) X(GetEventIndicators) X(GetContinuousStates)                             \
     X(GetNominalsOfContinuousStates)
 #define HC_FMI2_STEPS(X) X(DoStep) X(CancelStep)
-#define HC_FMI2_ALL(X) HC_FMI2_COMMON(X) HC_FMI2_STATE(X) HC_FMI2_EXCHANGE(X) HC_FMI2_STEPS(X)
+#define HC_FMI2_PARTIALS(X) X(GetDirectionalDerivative)
+#define HC_FMI2_ALL(X)                                                                                                \
+    HC_FMI2_COMMON(X) HC_FMI2_STATE(X) HC_FMI2_EXCHANGE(X) HC_FMI2_STEPS(X) HC_FMI2_PARTIALS(X)
 
 #define HC_MEMBER(function) __typeof__(FMI2(function)) *function;
 struct hc_inner {

@@ -142,6 +142,15 @@ int hc_inner_reset(hc_inner *inner)
     return (int)inner->Reset(inner->component);
 }
 
+int hc_inner_partials(hc_inner *inner, int adjoint, const unsigned *unknown, size_t n_unknown, const unsigned *known,
+                      size_t n_known, const double *seed, size_t n_seed, double *sensitivity, size_t n_sensitivity)
+{
+    return adjoint ? CALL_IF(GetAdjointDerivative, unknown, n_unknown, known, n_known, seed, n_seed, sensitivity,
+                             n_sensitivity)
+                   : CALL_IF(GetDirectionalDerivative, unknown, n_unknown, known, n_known, seed, n_seed, sensitivity,
+                             n_sensitivity);
+}
+
 int hc_inner_save(hc_inner *inner, void **state)
 {
     return CALL_IF(GetFMUState, state);

@@ -19,7 +19,9 @@
     X(CompletedIntegratorStep) X(SetTime) X(SetContinuousStates) X(GetContinuousStates)                               \
     X(GetContinuousStateDerivatives) X(GetEventIndicators) X(GetNominalsOfContinuousStates)
 #define HC_FMI3_STEPS(X) X(InstantiateCoSimulation) X(DoStep)
-#define HC_FMI3_ALL(X) HC_FMI3_COMMON(X) HC_FMI3_STATE(X) HC_FMI3_EXCHANGE(X) HC_FMI3_STEPS(X)
+#define HC_FMI3_PARTIALS(X) X(GetDirectionalDerivative) X(GetAdjointDerivative)
+#define HC_FMI3_ALL(X)                                                                                                \
+    HC_FMI3_COMMON(X) HC_FMI3_STATE(X) HC_FMI3_EXCHANGE(X) HC_FMI3_STEPS(X) HC_FMI3_PARTIALS(X)
 
 #define HC_MEMBER(function) __typeof__(FMI3(function)) *function;
 struct hc_inner {

@@ -181,6 +181,7 @@
 #define hc_inner_get_values HC_NAME(hc_inner_get_values)
 #define hc_inner_load HC_NAME(hc_inner_load)
 #define hc_inner_load_2 HC_NAME(hc_inner_load_2)
+#define hc_inner_partials HC_NAME(hc_inner_partials)
 #define hc_inner_read HC_NAME(hc_inner_read)
 #define hc_inner_reset HC_NAME(hc_inner_reset)
 #define hc_inner_save HC_NAME(hc_inner_save)
@@ -209,9 +210,14 @@
 
 /* hc_around_values.c */
 #define hc_around_before_set HC_NAME(hc_around_before_set)
+#define hc_around_find HC_NAME(hc_around_find)
 #define hc_around_get HC_NAME(hc_around_get)
+#define hc_around_kind HC_NAME(hc_around_kind)
 #define hc_around_set HC_NAME(hc_around_set)
 #define hc_around_width HC_NAME(hc_around_width)
+
+/* hc_around_partials.c */
+#define hc_around_partials HC_NAME(hc_around_partials)
 
 /* hc_around_exchange.c */
 #define hc_around_completed_step HC_NAME(hc_around_completed_step)

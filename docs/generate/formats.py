@@ -19,6 +19,12 @@ ABOUT = {
         "What happens, to which craft, in which phases. `hovercontrol simulate FILE`.",
     ),
     "result": ("result.json of a diagnosis", "What `hovercontrol diagnose` found, for other programs."),
+    "fmu": (
+        "result.json of a diagnosis of an FMU",
+        "What `hovercontrol diagnose --model FILE.fmu` found, for other programs.",
+    ),
+    "simulation": ("A simulation as JSON", "What `hovercontrol simulate --json` prints; also of an FMU."),
+    "sweep": ("A sweep as JSON", "What `hovercontrol sweep --json` prints; also of an FMU."),
     "monitor": (
         "result.json of a monitor",
         "What `hovercontrol monitor` found; its `alarms` are the lines of `--follow`.",

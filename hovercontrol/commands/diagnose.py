@@ -24,6 +24,7 @@ def diagnose(
     vehicle: given.Vehicle = None,
     params: given.Params = None,
     fit: given.Fit = "",
+    laws_in: given.LawsIn = "",
     holdout: given.Holdout = None,
     effects: Annotated[
         str,
@@ -76,7 +77,7 @@ def diagnose(
     check_folder(out)
     held = holdout or []
     given.refuse_twice("diagnose", logs, held)
-    plant = given.fmu_of("diagnose", model, fit, params)
+    plant = given.fmu_of("diagnose", model, fit, params, laws_in)
     if plant is not None:
         from hovercontrol.discrepancy.fmu import diagnose_fmu
 

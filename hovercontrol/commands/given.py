@@ -58,6 +58,15 @@ Fit = Annotated[
     str,
     typer.Option("--fit", help="Parameters of an FMU (--model plant.fmu) to fit, separated by commas."),
 ]
+LawsIn = Annotated[
+    str,
+    typer.Option(
+        "--laws-in",
+        metavar="STATES",
+        help="Continuous states of an FMU whose derivatives may lack an offset, drag or dry friction, "
+        "separated by commas.",
+    ),
+]
 Params = Annotated[
     Path | None,
     typer.Option(
@@ -162,7 +171,9 @@ def model_of(
     return _with(found, params)
 
 
-def fmu_of(command: str, model: str | None, fit: str, params: Path | None = None) -> FmuPlant | None:
+def fmu_of(
+    command: str, model: str | None, fit: str, params: Path | None = None, laws_in: str = ""
+) -> FmuPlant | None:
     """Return the FMU that ``--model`` names; None if it names no FMU.
 
     Raises
@@ -171,13 +182,19 @@ def fmu_of(command: str, model: str | None, fit: str, params: Path | None = None
         If the FMU cannot be used, or an option does not belong to it.
     """
     if not (model and model.endswith(".fmu")):
-        if fit:
-            raise InputError(f"{command}: --fit belongs to an FMU; expected --model FILE.fmu")
+        for option, text in (("--fit", fit), ("--laws-in", laws_in)):
+            if text:
+                raise InputError(f"{command}: {option} belongs to an FMU; expected --model FILE.fmu")
         return None
     from hovercontrol.fmi.replay.opened import fmu_plant
     from hovercontrol.fmi.replay.start_values import read_csv
 
-    return fmu_plant(model, listed(fit, "--fit") or [], values=read_csv(params) if params else None)
+    return fmu_plant(
+        model,
+        listed(fit, "--fit") or [],
+        values=read_csv(params) if params else None,
+        laws_in=listed(laws_in, "--laws-in") or [],
+    )
 
 
 def run_of(command: str, named: str, model: str | None) -> str:

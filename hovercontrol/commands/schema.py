@@ -16,12 +16,13 @@ def schema(
     kind: Annotated[
         str,
         typer.Argument(
-            help="Format: result (of diagnose), monitor (its result), model or scenario (TOML files).",
-            autocompletion=names.of("result", "monitor", "model", "scenario"),
+            help="Format: result (of diagnose), fmu (diagnose of an FMU), monitor, simulation or sweep "
+            "(their results), model or scenario (TOML files).",
+            autocompletion=names.of("result", "fmu", "monitor", "simulation", "sweep", "model", "scenario"),
         ),
     ],
 ) -> int:
-    """Print the JSON Schema of result.json, of model files or of scenario files.
+    """Print the JSON Schema of results, of model files or of scenario files.
 
     Editors complete and check TOML with it: put '#:schema model.schema.json' in the first line of the file.
     """

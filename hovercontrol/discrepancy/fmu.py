@@ -24,6 +24,7 @@ from hovercontrol.discrepancy.fmu_fits import (
     EFFORT,
     Scored,
     agreement,
+    completed,
     fitted,
     numbers_of,
     screened,
@@ -110,7 +111,7 @@ class _Search:
 
     def passes(self, t: _Tried) -> bool:
         """Return whether an effect passes all tests, each of which becomes a row of the trace."""
-        numbers, left = len(t.fit.p) - len(t.less.p), any(t.fit.whitening.orders)
+        numbers, left = len(t.fit.p) - len(t.less.p), any(t.fit.whitening.coloured)
         rows = tests_of(t.name, t.gain, numbers, t.blocks, self.looked_at, CRITERIA, left)
         self.trace += [row for row, _ in rows]
         why = next((reason for row, reason in rows if not row.passed), "")
@@ -156,7 +157,7 @@ def diagnose_fmu(
             step = _step(search, now)
             if step is None:
                 break
-            now = step.fit
+            now = completed(step.fit)
             named.append(step)
         now, named = _confirmed(search, base, now, named)
         said("predicting the held-out logs")
@@ -165,7 +166,7 @@ def diagnose_fmu(
         effects = tuple(_named(search, t, now) for t in named)
     signals = (*model.outputs, *model.states)
     channels = [signals[i].name for i in rows[0].places]
-    remains = tuple(c for c, n in zip(channels, now.whitening.orders, strict=True) if n)
+    remains = tuple(c for c, told in zip(channels, now.whitening.coloured, strict=True) if told)
     report(1.0, "done")
     return FmuDiagnosis(
         verdict(bool(effects), any(e.rivals for e in effects), bool(remains)),

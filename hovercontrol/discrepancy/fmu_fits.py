@@ -14,7 +14,7 @@ from hovercontrol.discrepancy.evidence.blocks import Blocks, along, of_gain, sca
 from hovercontrol.effects import Effect, Shape
 from hovercontrol.estimation.excitation import covariance
 from hovercontrol.fmi.replay.candidates import Candidate
-from hovercontrol.fmi.replay.output_error import FmuFit, refine
+from hovercontrol.fmi.replay.output_error import ITERATIONS, FmuFit, refine
 from hovercontrol.fmi.replay.plant import FmuPlant
 from hovercontrol.fmi.replay.runs import RunFailed
 from hovercontrol.fmi.replay.unknowns import Unknowns, estimated
@@ -118,6 +118,14 @@ def fitted(fit: FmuFit, candidate: Candidate, begin: Effect) -> FmuFit | None:
         return refine(unknowns, values, EFFORT.iterations)
     except RunFailed:
         return None
+
+
+def completed(fit: FmuFit) -> FmuFit:
+    """Return a candidate's fit, iterated until it has converged.
+
+    From values that are still off, an autoregression takes the error of the values for noise and keeps it.
+    """
+    return refine(fit.unknowns, fit.values, ITERATIONS)
 
 
 def without(final: FmuFit, out: Sequence[Candidate]) -> FmuFit:

@@ -96,8 +96,9 @@ class FmuIdentified:
 
     @property
     def misfit(self) -> str:
-        """Message on residuals that depend on their past; empty if they are white."""
-        poor = [name for name, order in self.orders.items() if order]
+        """Message on residuals that depend on their past beyond chance; empty if there are none."""
+        coloured = self.fit.whitening.coloured
+        poor = [name for name, told in zip(self.orders, coloured, strict=True) if told]
         if not poor:
             return ""
         return (

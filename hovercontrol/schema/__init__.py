@@ -1,4 +1,4 @@
-"""JSON Schemas of the files that other programs use: models, scenarios, results of diagnosis and monitor.
+"""JSON Schemas of the files that other programs use: models, scenarios, results of commands.
 
 They are made of what the loaders check by and of the types of the result, so that editors complete and check
 a TOML file as it is written, and programs can rely on ``result.json``.
@@ -11,17 +11,25 @@ from typing import Any
 
 from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.schema.fmu import fmu_schema
 from hovercontrol.schema.model import model_schema
 from hovercontrol.schema.monitor import monitor_schema
 from hovercontrol.schema.result import result_schema
+from hovercontrol.schema.runs import simulation_schema, sweep_schema
 from hovercontrol.schema.scenario import scenario_schema
 
-__all__ = ["KINDS", "schema", "model_schema", "scenario_schema", "result_schema", "monitor_schema"]
+__all__ = [
+    "KINDS", "schema", "model_schema", "scenario_schema", "result_schema", "fmu_schema", "monitor_schema",
+    "simulation_schema", "sweep_schema",
+]  # fmt: skip
 
 #: Of each kind of file its schema.
 KINDS: dict[str, Callable[[], dict[str, Any]]] = {
     "result": result_schema,
+    "fmu": fmu_schema,
     "monitor": monitor_schema,
+    "simulation": simulation_schema,
+    "sweep": sweep_schema,
     "model": model_schema,
     "scenario": scenario_schema,
 }
@@ -33,7 +41,7 @@ def schema(kind: str) -> dict[str, Any]:
 
     Parameters
     ----------
-    kind : {"result", "monitor", "model", "scenario"}
+    kind : {"result", "fmu", "monitor", "simulation", "sweep", "model", "scenario"}
 
     Raises
     ------

@@ -42,7 +42,7 @@ FMI = {
 AROUND = (
     *_SOLVER, "hc_description.h", "hc_delays.h", "hc_instance.h", "hc_instance_internal.h", "hc_messages.c",
     *("hc_history.h", "hc_history.c", "hc_inner.h", "hc_inner_library.c", "hc_around.h"),
-    *(f"hc_around{job}.c" for job in ("", "_values", "_exchange", "_steps", "_state")),
+    *(f"hc_around{job}.c" for job in ("", "_values", "_partials", "_exchange", "_steps", "_state")),
 )  # fmt: skip
 AROUND_FMI = {
     2: (

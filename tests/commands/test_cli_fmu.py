@@ -5,10 +5,12 @@ import json
 
 import numpy as np
 import pytest
+from jsonschema import Draft202012Validator
 
 import hovercontrol as hc
 from hovercontrol.fmi.replay.swept import vary_fmu
 from hovercontrol.models.template import template
+from hovercontrol.schema import schema
 
 #: v' = gain drive u - drag v
 GAIN, DRAG, NOISE, STEP = 2.0, 0.8, 0.01, 0.02
@@ -74,7 +76,9 @@ def test_simulate_is_the_exact_solution_and_says_how_far_the_log_is(call, folder
     found, log = columns(tmp_path / "log.csv"), columns(folder / "run.csv")
     np.testing.assert_allclose(found["v"], exact(log["u"], DRAG, 0.0), atol=1e-5)
     error = np.sqrt(np.mean((log["v"] - exact(log["u"], DRAG, 0.0)) ** 2))
-    assert json.loads(done.stdout)["errors"]["v"]["rms"] == pytest.approx(error, rel=1e-4)
+    said = json.loads(done.stdout)
+    assert said["errors"]["v"]["rms"] == pytest.approx(error, rel=1e-4)
+    assert list(Draft202012Validator(schema("simulation")).iter_errors(said)) == []
     np.testing.assert_array_equal(found["v_measured"], log["v"])
 
 
@@ -109,6 +113,13 @@ def test_sweep_over_a_parameter_and_a_start_value(call, folder, tmp_path):
             np.mean((path[1:] ** 2 + path[:-1] ** 2) / 2), rel=1e-4
         )
     assert not (tmp_path / "out.partial").exists()
+
+
+def test_a_sweep_as_json_fits_its_schema(call, folder, tmp_path):
+    words = ("--vary", "motor.drag=0.2:0.8:2", "--vary", "v=0:1:2", "--json", "--out", str(tmp_path / "out"))
+    said = json.loads(call("sweep", str(folder / "motor.fmu"), *words).stdout)
+    check = Draft202012Validator(schema("sweep"))
+    assert list(check.iter_errors(said)) == [] and list(check.iter_errors(said | {"axes": 1}))
 
 
 def test_a_sweep_goes_on_where_it_was_stopped(folder, tmp_path, monkeypatch):
@@ -149,6 +160,8 @@ def test_a_sweep_of_ones_own_block_can_be_run_again_and_by_a_log(call, tmp_path)
         (("check", "run.csv", "--fit", "motor.drag"), "--fit belongs to an FMU; expected --model FILE.fmu"),
         (("check", "run.csv", "--model", "motor.fmu", "--fit", "motor.drap"), "did you mean 'motor.drag'?"),
         (("check", "run.csv", "--model", "moto.fmu"), "did you mean 'motor.fmu'?"),
+        (("diagnose", "run.csv", "--laws-in", "v"), "--laws-in belongs to an FMU; expected --model FILE.fmu"),
+        (("diagnose", "run.csv", "--model", "motor.fmu", "--laws-in", "w"), "no continuous state 'w'"),
         (("simulate", "--model", "motor.fmu", "--commands", "bare.csv"), "no column for the input 'u'"),
         (("simulate", "motor.fmu", "--model", "motor.fmu"), "--model takes the place of the argument"),
         (("simulate", "motor.fmu", "--match-start"), "expected one with outputs"),

@@ -1,11 +1,18 @@
 """What an FMU lacks: names, sizes and evidence on logs of the exact solution of its equation."""
 
+import json
+
+import fmpy
 import numpy as np
 import pytest
+from jsonschema import Draft202012Validator
+from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 import hovercontrol as hc
 from hovercontrol.effects.generic_commands import lag
+from hovercontrol.io.plain_json import json_text
+from hovercontrol.schema import schema
 
 #: v' = GAIN u - DRAG v, its sensor's lag, noise and the time between rows
 GAIN, DRAG, LAG, NOISE, STEP, ROWS = 2.0, 0.8, 0.08, 0.005, 0.02, 600
@@ -98,3 +105,32 @@ def test_too_little_gain_is_a_lead_with_its_reason(plant):
     found = hc.diagnose(plant, [log(7, added=0.0009)], names=["v_bias"])
     assert not found.effects
     assert all("are asked for" in one.reason for one in found.leads)
+
+
+def test_a_law_in_a_derivative_is_named_and_the_corrected_fmu_has_it(plant, tmp_path):
+    """v' = GAIN u - DRAG v - 0.25 v abs(v), by SciPy."""
+    quadratic, u = 0.25, given(8)
+    v = [0.0]
+    for now in u[:-1]:
+        run = solve_ivp(
+            lambda _, z, now=now: GAIN * now - DRAG * z - quadratic * z * abs(z), (0.0, STEP), v[-1:],
+            "DOP853", rtol=1e-10, atol=1e-12,
+        )  # fmt: skip
+        v.append(run.y[0, -1])
+    noise = NOISE * np.random.default_rng(108).normal(size=ROWS)
+    logged = hc.Log("run", STEP * np.arange(ROWS), {"u": u, "v": np.array(v) + noise})
+    own = hc.fmu_plant(plant.path, ["motor.drag"], laws_in=["v"], isolated=False)
+    found = hc.diagnose(own, [logged], names=["v_quadratic_drag", "v_coulomb", "u_deadzone"])
+    (law,) = found.effects
+    assert (found.verdict, law.name) == ("effect", "added.v_quadratic_drag")
+    assert abs(law.numbers["value"] - quadratic) < 3.5 * law.std["value"] < 0.02
+    Draft202012Validator(schema("fmu")).validate(json.loads(json_text(found.result())))
+    found.save(tmp_path / "out")
+    table = np.array(list(zip(logged.time, u, strict=True)), dtype=[("time", float), ("u", float)])
+    run = fmpy.simulate_fmu(
+        str(tmp_path / "out" / "corrected.fmu"), fmi_type="CoSimulation", stop_time=logged.time[-1],
+        output_interval=STEP, input=table, output=["v"], relative_tolerance=1e-10,
+    )  # fmt: skip
+    want = found.amended.at(logged.time, u[:, None], [0.0])[:, 0]
+    np.testing.assert_allclose(run["v"], want, atol=1e-6)
+    own.close()

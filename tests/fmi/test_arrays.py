@@ -15,7 +15,7 @@ from hovercontrol.fmi.exporter.description import Experiment, model_description
 from hovercontrol.fmi.exporter.units import fmi_unit
 from hovercontrol.fmi.exporter.variables import Interface
 from hovercontrol.fmi.importer.archive import Header
-from hovercontrol.fmi.importer.interface import read_interface
+from hovercontrol.fmi.importer.reading import read_interface
 from hovercontrol.targets.compiler import NoCompilerError, find_compiler
 
 from .blocks import BLOCKS

@@ -1,16 +1,19 @@
 """FMUs with Blocks around other FMUs, run by FMPy, compute what SciPy computes from the equations."""
 
+import ctypes
 import re
 import zipfile
 
 import fmpy
 import numpy as np
 import pytest
-from fmpy.fmi2 import FMU2Slave
-from fmpy.fmi3 import FMU3Slave
+import sympy as sp
+from fmpy.fmi2 import FMU2Model, FMU2Slave
+from fmpy.fmi3 import FMU3Model, FMU3Slave
 from scipy.integrate import solve_ivp
 
 from hovercontrol import Block, InputError, Signal, interconnect, rename, vehicle
+from hovercontrol.core.signals import time
 from hovercontrol.fmi import corrected_fmu, load
 from hovercontrol.targets.compiler import NoCompilerError, find_compiler
 
@@ -305,7 +308,7 @@ def test_our_importer_reads_it_without_a_false_algebraic_loop(plants, tmp_path):
     want = np.zeros((4, 4))
     want[x, v], want[v, x], want[v, u] = 1.0, -STIFFNESS / MASS, 1.0 / MASS
     want[u, u], want[a] = -1.0 / LAG, [-STIFFNESS / MASS / SENSOR, 0.0, 1.0 / MASS / SENSOR, -1.0 / SENSOR]
-    np.testing.assert_allclose(A, want, atol=1e-7)
+    np.testing.assert_allclose(A, want, atol=1e-14)
 
 
 @pytest.mark.parametrize(
@@ -339,3 +342,146 @@ def test_libraries_for_other_systems_are_built(tmp_path):
     ):
         assert f"binaries/{folder}/spring_corrected{suffix}" in names
         assert f"resources/inner/binaries/{folder}/spring{suffix}" in names
+
+
+def instance(path, folder, version):
+    """Return an instance for Model Exchange in continuous time, and value references by name."""
+    described = fmpy.read_model_description(str(path))
+    kind = FMU2Model if version == 2 else FMU3Model
+    fmu = kind(
+        guid=described.guid, unzipDirectory=fmpy.extract(str(path), str(folder)), instanceName="one",
+        modelIdentifier=described.modelExchange.modelIdentifier,
+    )  # fmt: skip
+    fmu.instantiate()
+    if version == 2:
+        fmu.setupExperiment(startTime=0.0)
+    fmu.enterInitializationMode()
+    fmu.exitInitializationMode()
+    while (fmu.newDiscreteStates() if version == 2 else fmu.updateDiscreteStates())[0]:
+        pass
+    fmu.enterContinuousTimeMode()
+    return fmu, {v.name: v.valueReference for v in described.modelVariables}
+
+
+def abilities(path):
+    """Return what the description says of partial derivatives; FMPy does not read FMI 3's words."""
+    text = zipfile.ZipFile(path).read("modelDescription.xml").decode()
+    return re.findall(r'provides(\w+?)Derivatives?="true"', re.search("<ModelExchange.*?>", text)[0])
+
+
+@pytest.mark.parametrize("version", [2, 3])
+@pytest.mark.parametrize("late_input", [False, True])
+def test_directional_and_adjoint_derivatives_are_those_of_differences(plants, version, late_input, tmp_path):
+    """A dead zone and a lag before, a bias and a lag after; a law of u, v and a in v'."""
+    u, lag, tau = Signal("u", "N"), Signal("u_lagged", "N"), Signal("T", "s", start=LAG)
+    zone, share = Signal("zone", "N", start=0.1), Signal("share", "1", start=0.2)
+    kept = sp.Max(lag.symbol - zone.symbol, 0) + sp.Min(lag.symbol + zone.symbol, 0)
+    before = Block(
+        "before", [lag], [u], [Signal("u_given", "N")], [tau, zone, share],
+        {"u_lagged": (u.symbol - lag.symbol) / tau.symbol}, {"u_given": kept + share.symbol * u.symbol},
+    )  # fmt: skip
+    if late_input:
+        before = late()[0]
+    v, a, d = Signal("v", "m/s"), Signal("a", "m/s^2"), Signal("drag", "1/m", start=DRAG)
+    of_a, of_u = Signal("of_a", "s/m", start=0.1), Signal("of_u", "m/s^2/N^2", start=0.3)
+    terms = -d.symbol * v.symbol * sp.Abs(v.symbol) + of_a.symbol * a.symbol * v.symbol
+    law = Block(
+        "added", [], [v, a, u], [Signal("added", "m/s^2")], [d, of_a, of_u], {},
+        {"added": terms + of_u.symbol * u.symbol**2},
+    )  # fmt: skip
+    path = corrected_fmu(
+        plants[version], tmp_path / "c.fmu", before=before, after=sensors(), added={"der(v)": law}
+    )
+    fmpy.read_model_description(str(path), validate=True)
+    assert abilities(path) == ["Directional", "Adjoint"][: version - 1]
+    fmu, vr = instance(path, tmp_path / "unzipped", version)
+    read, write = (fmu.getReal, fmu.setReal) if version == 2 else (fmu.getFloat64, fmu.setFloat64)
+    own = [] if late_input else ["before.u_lagged"]
+    states = ["inner.x", "v", *own, "after.a_lagged"]
+    knowns = [*states, "u"]
+    unknowns = ["x", "v", "a", "der(x)", "der(v)", *(f"der({n})" for n in (*own, "after.a_lagged"))]
+    at = np.array([0.7, -0.4, *(0.5 for _ in own), 0.2, 0.9])
+
+    def values(z):
+        write([vr["u"]], [z[-1]])
+        fmu.setContinuousStates((ctypes.c_double * len(states))(*z[:-1]), len(states))
+        return np.array(read([vr[n] for n in unknowns]))
+
+    h = 1e-6
+    want = np.array([(values(at + h * e) - values(at - h * e)) / (2 * h) for e in np.eye(len(at))]).T
+    values(at)
+    U, K = [vr[n] for n in unknowns], [vr[n] for n in knowns]
+    more = (len(U),) if version == 3 else ()
+    found = np.array([fmu.getDirectionalDerivative(U, K, list(e), *more) for e in np.eye(len(K))]).T
+    np.testing.assert_allclose(found, want, atol=2e-9)
+    sees = [True, True, *(True for _ in own), False, not late_input]  # what der(v) depends on at once
+    assert ((np.abs(want[4]) > 0.01) == sees).all()
+    if version == 3:
+        found = np.array([fmu.getAdjointDerivative(U, K, list(e), len(K)) for e in np.eye(len(U))])
+        np.testing.assert_allclose(found, want, atol=2e-9)
+    fmu.terminate()
+    fmu.freeInstance()
+
+
+def test_directional_derivatives_in_co_simulation(plants, tmp_path):
+    path = corrected_fmu(plants[2], tmp_path / "c.fmu", before=lagged(), added={"der(v)": drag()})
+    fmu, vr = slave(path, tmp_path / "unzipped", 2)
+    fmu.setupExperiment(startTime=0.0)
+    fmu.enterInitializationMode()
+    fmu.exitInitializationMode()
+    fmu.doStep(0.0, 0.1)
+    fmu.setReal([vr["u"]], [0.5])
+    knowns = [vr[n] for n in ("v", "x", "before.u_lagged", "u")]
+    rows = [fmu.getDirectionalDerivative([vr["der(v)"], vr["a"]], knowns, list(e)) for e in np.eye(4)]
+    want = [[-DRAG, 0.0], [-STIFFNESS / MASS] * 2, [1.0 / MASS] * 2, [0.0, 0.0]]
+    np.testing.assert_allclose(rows, want, atol=1e-15)
+    fmu.terminate()
+    fmu.freeInstance()
+
+
+def test_directional_derivatives_are_not_promised_where_they_cannot_be_given(plants, tmp_path):
+    """Around Co-Simulation, and where a Block depends on time itself."""
+    inner = without_exchange(plants[2], tmp_path / "cs.fmu")
+    path = corrected_fmu(inner, tmp_path / "c.fmu", before=lagged())
+    assert b"provides" not in zipfile.ZipFile(path).read("modelDescription.xml")
+    x, per = Signal("x", "m"), Signal("per_second", "m/s", start=0.1)
+    drifting = Block(
+        "after", [], [x], [Signal("x_measured", "m")], [per], {},
+        {"x_measured": x.symbol + per.symbol * time},
+    )  # fmt: skip
+    path = corrected_fmu(plants[2], tmp_path / "t.fmu", after=drifting)
+    assert abilities(path) == []
+
+
+@pytest.mark.parametrize("kind", ["CoSimulation", None])
+def test_the_interface_that_is_used(written, kind, tmp_path):
+    """x' = u + offset - k x: in Euler's steps of 0.1 s, as the FMU's Co-Simulation takes them; else exact."""
+    u, offset = Signal("u", "m/s"), Signal("offset", "m/s", start=0.3)
+    before = Block(
+        "before", [], [u], [Signal("u_given", "m/s")], [offset], {}, {"u_given": u.symbol + offset.symbol}
+    )
+    path = corrected_fmu(written("dahlquist"), tmp_path / "c.fmu", before=before, kind=kind)
+    described = fmpy.read_model_description(str(path), validate=True)
+    assert (described.modelExchange is None) == (kind == "CoSimulation")
+    fmu, vr = slave(path, tmp_path / "unzipped", 3)
+    fmu.enterInitializationMode()
+    fmu.exitInitializationMode()
+    found, euler, exact = [], [1.0], [1.0]
+    for k in range(30):
+        now = np.sin(k)
+        fmu.setFloat64([vr["u"]], [now])
+        fmu.doStep(0.1 * k, 0.1)
+        found += fmu.getFloat64([vr["x"]])
+        euler.append(euler[-1] + 0.1 * (now + 0.3 - euler[-1]))
+        exact.append(now + 0.3 + (exact[-1] - now - 0.3) * np.exp(-0.1))
+    fmu.terminate()
+    fmu.freeInstance()
+    want, other = (euler, exact) if kind else (exact, euler)
+    assert np.abs(np.array(found) - want[1:]).max() < 1e-6
+    assert np.abs(np.array(found) - other[1:]).max() > 1e-2
+
+
+def test_an_fmu_with_clocks_is_refused_in_one_line(written, tmp_path):
+    with pytest.raises(InputError, match="an FMU with clocks cannot be corrected; 'e' has one") as found:
+        corrected_fmu(written("clocked"), tmp_path / "c.fmu", before=lagged())
+    assert "\n" not in str(found.value)

@@ -14,6 +14,7 @@ from hovercontrol.fmi.corrected.joined import Joined, joined
 from hovercontrol.fmi.corrected.sources import block_sources, table_source, token_of
 from hovercontrol.fmi.exporter.binaries import Platform, build_binary, chosen_platforms, folder_of
 from hovercontrol.fmi.exporter.package import packed
+from hovercontrol.fmi.importer.interface import Kind
 from hovercontrol.io.files import check_folder, write_atomically
 
 
@@ -25,6 +26,7 @@ def corrected_fmu(
     before: Block | None = None,
     after: Block | None = None,
     added: Mapping[str, Block] | None = None,
+    kind: Kind | None = None,
     start: Mapping[str, float] | None = None,
     platforms: str | Iterable[str] | None = None,
 ) -> Path:
@@ -35,9 +37,9 @@ def corrected_fmu(
         u = before(v),    x' = f(x, u) + added(x, u),    y_measured = after(y)
 
     The FMU has the same version of FMI and all variables of the given one, which are passed through, and the
-    parameters of the Blocks. It has Model Exchange if the given one has it, and Co-Simulation. Around Model
-    Exchange its Co-Simulation integrates both together. Around Co-Simulation the given FMU gets its inputs at
-    the beginning of each step and holds them.
+    parameters of the Blocks. Around Model Exchange it has both interfaces, and its Co-Simulation integrates
+    both together. Around Co-Simulation it has that interface alone: the given FMU takes its own steps, and
+    gets its inputs at the beginning of each and holds them.
 
     Parameters
     ----------
@@ -54,6 +56,10 @@ def corrected_fmu(
     added : mapping of str to Block, optional
         By the name of a derivative or of its state: a Block with one output, added to the derivative. Its
         inputs are named like variables of the FMU. Model Exchange only.
+    kind : {"ModelExchange", "CoSimulation"}, optional
+        The interface of the given FMU that is used; default: Model Exchange if it has that. Where the steps
+        of its Co-Simulation matter, such as those of a fixed-step solver to which its parameters were
+        fitted, "CoSimulation".
     start : mapping of str to float, optional
         New start values, by the names of the FMU's real variables or of the Blocks' parameters.
     platforms : str or iterable of str, optional
@@ -71,8 +77,9 @@ def corrected_fmu(
 
     Notes
     -----
-    The corrected FMU gives no directional derivatives and no derivatives of outputs. Its states can be saved
-    where the given FMU's can.
+    The corrected FMU gives directional and adjoint derivatives if the given one has Model Exchange and gives
+    them, the Blocks read only its inputs, parameters, states, derivatives and outputs, and they do not depend
+    on time itself. It gives no derivatives of outputs. Its states can be saved where the given FMU's can.
 
     Source: FMI 2.0.4 and FMI 3.0.2 (fmi-standard.org).
 
@@ -98,7 +105,7 @@ def corrected_fmu(
     if target.is_dir():
         raise InputError(f"{out}: expected a file to write, found a folder")
     check_folder(target.parent)
-    inner = Given(Path(given))
+    inner = Given(Path(given), kind)
     around = joined(inner, before, after, added or {})
     around, own = _started(inner, around, start or {})
     wanted = _platforms(inner, platforms)

@@ -14,6 +14,7 @@ from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.fmi.exporter.binaries import PLATFORMS, Platform, folder_of
 from hovercontrol.fmi.exporter.sources import Version
 from hovercontrol.fmi.importer.archive import LIMITS, check_xml, open_archive
+from hovercontrol.fmi.importer.interface import Kind
 
 DESCRIPTION = "modelDescription.xml"
 
@@ -52,14 +53,16 @@ class Given:
     Parameters
     ----------
     path : Path
+    kind : {"ModelExchange", "CoSimulation"}, optional
+        The interface that is used; default: Model Exchange if it has that.
 
     Raises
     ------
     InputError
-        If it is not an FMU of FMI 2.0 or 3.0 with Model Exchange or Co-Simulation, or has clocks.
+        If it is not an FMU of FMI 2.0 or 3.0 with such an interface, or has clocks.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, kind: Kind | None = None) -> None:
         self.path = path
         with open_archive(path) as archive:
             data = archive.read(DESCRIPTION, LIMITS.description)
@@ -72,9 +75,12 @@ class Given:
         self.version = cast(Version, int(fmi[0]))
         self.root = fromstring(data)
         self.exchange, self.steps = self.root.find("ModelExchange"), self.root.find("CoSimulation")
-        part = self.exchange if self.exchange is not None else self.steps
+        if kind == "CoSimulation" and self.exchange is not None:
+            self.root.remove(self.exchange)
+            self.exchange = None
+        part = self.exchange if self.exchange is not None or kind == "ModelExchange" else self.steps
         if part is None:
-            raise InputError(f"{path} has neither Model Exchange nor Co-Simulation")
+            raise InputError(f"{path} has no interface for {kind or 'ModelExchange or CoSimulation'}")
         self.part = part
         self.identifier = part.get("modelIdentifier", "")
         if not re.fullmatch(r"[A-Za-z_]\w*", self.identifier):
@@ -97,7 +103,9 @@ class Given:
         found = []
         for e in elements:
             if e.tag == "Clock" or e.get("clocks"):
-                raise InputError(f"{self.path}: the variable {e.get('name')!r} has a clock: not supported")
+                raise InputError(
+                    f"{self.path}: an FMU with clocks cannot be corrected; {e.get('name')!r} has one"
+                )
             sizes = [int(d.get("start") or starts[d.get("valueReference")]) for d in e.iter("Dimension")]
             found.append(Variable(e, e, int(e.get("valueReference", "0")), math.prod(sizes)))
         return found

@@ -11,6 +11,7 @@ from hovercontrol.core.expressions import Expressions
 from hovercontrol.fmi.corrected.description import Description
 from hovercontrol.fmi.corrected.given import Given
 from hovercontrol.fmi.corrected.joined import Joined
+from hovercontrol.fmi.corrected.partials import differentiable, known_sources
 from hovercontrol.fmi.exporter.sources import _array, _number, _options
 from hovercontrol.targets.c import c_source
 from hovercontrol.targets.c_delays import delays_source
@@ -23,7 +24,9 @@ def block_sources(given: Given, joined: Joined, identifier: str) -> dict[str, st
     late = bool(joined.late_given)
     files = runtime_files([*AROUND, *AROUND_FMI[given.version], *(DELAYS if late else ())])
     files["hc_options.h"] = _options(identifier, late)
-    files["model.c"] = c_source(undelayed(joined.block), friction="smooth", partials=False)
+    files["model.c"] = c_source(
+        undelayed(joined.block), friction="smooth", partials=differentiable(given, joined)
+    )
     if late:
         given_late = Expressions(joined.late_given.items())
         files["delays.c"] = delays_source(joined.block.unchecked(delays=given_late))
@@ -58,6 +61,7 @@ def table_source(
     late = list(joined.late_sources)
     sources = block.inputs[len(joined.driven) :]
     derivatives = given.derivatives()
+    partials = int(differentiable(given, joined))
     lists = {
         "driven": ("unsigned", [str(v.reference) for v in joined.driven]),
         "source": ("unsigned", [str(v.reference) for v in joined.sources]),
@@ -74,6 +78,7 @@ def table_source(
         "set_value": ("double", [_number(start[n]) for n in inner]),
         "array": ("unsigned", [str(v.reference) for v in arrays]),
         "array_size": ("unsigned", [str(v.size) for v in arrays]),
+        "source_known": ("char", [str(int(k)) for k in known_sources(given, joined)]),
         "late_source": ("int", [str(k) for k in late]),
         "late_start": ("double", [_number(sources[k].start) for k in late]),
     }  # fmt: skip
@@ -89,7 +94,7 @@ def table_source(
         ", ".join(at[n] for n in ("start", "lower", "upper", "nominal", "fixed", "names")),
         f"{len(inner)}, {at['set']}, {at['set_value']}",
         f"{len(arrays)}, {at['array']}, {at['array_size']}",
-        f"{int(given.exchange is not None)}, {int(steps)}",
+        f"{int(given.exchange is not None)}, {int(steps)}, {partials}, {at['source_known']}",
         f"{len(late)}, {at['late_source']}, {'late_seconds' if late else 'NULL'}, {at['late_start']}",
         "1e-6, 1e-9",
     ]

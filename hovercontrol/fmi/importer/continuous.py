@@ -12,7 +12,8 @@ from typing import NamedTuple, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from hovercontrol.fmi.importer.instance import MOST_UPDATES, STATUS, FmuError, Instance, Some
+from hovercontrol.fmi.importer.access import Some
+from hovercontrol.fmi.importer.instance import MOST_UPDATES, STATUS, FmuError, Instance
 from hovercontrol.fmi.importer.interface import Interface, Variable
 from hovercontrol.fmi.importer.point import Read, all_doubles, point_of
 

@@ -7,7 +7,6 @@ Values are flat lists of floats, in the order of the interface's labels. If the 
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import itertools
 import os
 from collections import deque
@@ -15,10 +14,12 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
-from fmpy import calloc, fmi2, fmi3, free  # type: ignore[import-untyped]
+from fmpy import fmi2, fmi3  # type: ignore[import-untyped]
 from fmpy.fmi1 import FMICallException  # type: ignore[import-untyped]
 
-from hovercontrol.fmi.importer.interface import REALS, Interface, Variable
+from hovercontrol.fmi.importer.access import Some, Values
+from hovercontrol.fmi.importer.interface import Interface
+from hovercontrol.fmi.importer.messages import LOGS, callbacks_of, text_of
 
 STATUS = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")
 _FATAL = 4
@@ -65,62 +66,6 @@ class Engine(Protocol):
 
     def close(self) -> None:
         """Free the instance and its resources."""
-
-
-class Values:
-    """Some variables, set and read together: one FMI call per type."""
-
-    def __init__(self, variables: Sequence[Variable]) -> None:
-        self.size = sum(len(v.labels) for v in variables)
-        ends = itertools.accumulate(len(v.labels) for v in variables)
-        places = [range(end - len(v.labels), end) for v, end in zip(variables, ends, strict=True)]
-        self._groups: list[tuple[str, list[int], list[int]]] = []
-        for kind in dict.fromkeys(v.kind for v in variables):
-            members = [i for i, v in enumerate(variables) if v.kind == kind]
-            references = [variables[i].reference for i in members]
-            self._groups.append((kind, references, [n for i in members for n in places[i]]))
-
-    def set(self, fmu: Any, values: Sequence[float]) -> None:
-        """Set values in the FMU; values of integer types have been checked."""
-        for kind, references, places in self._groups:
-            chosen: list[Any] = [values[n] for n in places]
-            if kind not in REALS:
-                chosen = [int(value) for value in chosen]
-            getattr(fmu, f"set{kind}")(references, chosen)
-
-    def get(self, fmu: Any, fmi: int) -> list[float]:
-        """Return the present values in the FMU."""
-        values = [0.0] * self.size
-        for kind, references, places in self._groups:
-            get = getattr(fmu, f"get{kind}")
-            found = get(references) if fmi == 2 else get(references, len(places))
-            for n, value in zip(places, found, strict=True):
-                values[n] = float(value)
-        return values
-
-
-class Some:
-    """Some of the inputs or outputs, with their places among all."""
-
-    def __init__(self, variables: Sequence[Variable], chosen: Sequence[Variable]) -> None:
-        self._values, self._places, place = Values(chosen), list[int](), 0
-        for v in variables:
-            here = range(place, place + len(v.labels))
-            self._places += here if v in chosen else []
-            place += len(v.labels)
-
-    def set(self, fmu: Any, values: Sequence[float]) -> None:
-        """Set those among all values."""
-        self._values.set(fmu, self.of(values))
-
-    def get(self, fmu: Any, fmi: int, values: list[float]) -> None:
-        """Put the FMU's values among all values."""
-        for place, value in zip(self._places, self._values.get(fmu, fmi), strict=True):
-            values[place] = value
-
-    def of(self, values: Sequence[float]) -> list[float]:
-        """Return those among all values."""
-        return [values[place] for place in self._places]
 
 
 class Instance:
@@ -281,7 +226,7 @@ class Instance:
             return
         self._free(self._fmu)
         if self._interface.fmi == 2:
-            self._fmu.instantiate(callbacks=_callbacks(self._log), loggingOn=True)
+            self._fmu.instantiate(callbacks=callbacks_of(self._log), loggingOn=True)
         else:
             self._fmu.instantiate(loggingOn=True, logMessage=self._listen, **self._options)
         self._running = True
@@ -299,7 +244,7 @@ class Instance:
         self._running = self._initialised = False
         # freeInstance of FMPy would unload the library as well.
         (fmu.fmi2FreeInstance if self._interface.fmi == 2 else fmu.fmi3FreeInstance)(fmu.component)
-        _LOGS.pop(id(self._log), None)
+        LOGS.pop(id(self._log), None)
 
     def _drop_all(self, fmu: Any) -> None:
         for state in self._states.values():
@@ -319,7 +264,7 @@ class Instance:
         return self._outputs.get(self._fmu, self._interface.fmi)
 
     def _listen(self, _environment: Any, status: int, _category: bytes, message: bytes) -> None:
-        self._log.append((status, _text(message)))
+        self._log.append((status, text_of(message)))
 
     @contextlib.contextmanager
     def _faults(self) -> Iterator[None]:
@@ -350,36 +295,3 @@ class Instance:
         if self._holds_token:
             _ONLY.discard(self._interface.token)
             self._holds_token = False
-
-
-def _text(message: bytes | None) -> str:
-    return " ".join((message or b"").decode("utf-8", "replace").split())[:500]
-
-
-#: Messages of FMI 2 come with variable arguments, which FMPy's helper library formats; it knows one receiver
-#: for the whole process, so that messages are told apart by the environment they carry.
-_LOGS: dict[int, deque[tuple[int, str]]] = {}
-
-
-def _receive(environment: int | None, name: bytes, status: int, category: bytes, message: bytes) -> None:
-    log = _LOGS.get(environment or 0)
-    if log is None:  # an instance that FMPy itself runs in this process
-        fmi2.printLogMessage(environment, name, status, category, message)
-    else:
-        log.append((status, _text(message)))
-
-
-_prototype = fmi2.fmi2CallbackFunctions()
-_prototype.logger = fmi2.fmi2CallbackLoggerTYPE(_receive)
-_prototype.allocateMemory = fmi2.fmi2CallbackAllocateMemoryTYPE(calloc)
-_prototype.freeMemory = fmi2.fmi2CallbackFreeMemoryTYPE(free)
-with contextlib.suppress(AttributeError):  # no helper library for this platform: messages stay unformatted
-    fmi2.addLoggerProxy(ctypes.byref(_prototype))
-
-
-def _callbacks(log: deque[tuple[int, str]]) -> Any:
-    _LOGS[id(log)] = log
-    callbacks = fmi2.fmi2CallbackFunctions()
-    ctypes.memmove(ctypes.byref(callbacks), ctypes.byref(_prototype), ctypes.sizeof(callbacks))
-    callbacks.componentEnvironment = id(log)
-    return callbacks

@@ -17,8 +17,9 @@ from typing import Any, NamedTuple
 
 from fmpy.fmi1 import FMICallException  # type: ignore[import-untyped]
 
+from hovercontrol.fmi.importer.access import Some
 from hovercontrol.fmi.importer.clocks import Clock
-from hovercontrol.fmi.importer.instance import MOST_UPDATES, FmuError, Instance, Some
+from hovercontrol.fmi.importer.instance import MOST_UPDATES, FmuError, Instance
 from hovercontrol.fmi.importer.interface import Interface
 
 

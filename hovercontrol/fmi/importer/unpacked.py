@@ -12,7 +12,8 @@ import fmpy  # type: ignore[import-untyped]
 
 from hovercontrol.errors import InputError
 from hovercontrol.fmi.importer.archive import LIMITS, Archive, check_xml, open_archive
-from hovercontrol.fmi.importer.interface import Interface, Kind, read_interface
+from hovercontrol.fmi.importer.interface import Interface, Kind
+from hovercontrol.fmi.importer.reading import read_interface
 
 _DESCRIPTION = "modelDescription.xml"
 

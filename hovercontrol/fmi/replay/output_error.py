@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,8 +25,9 @@ from hovercontrol.fmi.replay.plant import FmuPlant
 from hovercontrol.fmi.replay.rows import Rows
 from hovercontrol.fmi.replay.runs import RunFailed
 from hovercontrol.fmi.replay.smoothed import smoothed
+from hovercontrol.fmi.replay.step_length import accurate
 from hovercontrol.fmi.replay.unknowns import Unknowns
-from hovercontrol.fmi.replay.whitening import Whitening, whitening_of
+from hovercontrol.fmi.replay.whitening import MOST_ORDER, Whitening, whitening_of
 
 Array = NDArray[np.float64]
 
@@ -41,10 +42,6 @@ PART_ITERATIONS, ITERATIONS = 8, 40
 PASSES = 3
 #: The fit ends where a step lowers the cost by less than this fraction.
 CONVERGED = 1e-7
-#: Halving of steps until they must reach this difference of outputs, over their spread.
-ACCURACY, MOST_PIECES = 1e-5, 256
-#: How far rows may lie from the fixed steps of an FMU, in steps.
-BETWEEN = 1e-6
 #: Blocks of all logs together, over which scores, sizes and gains scatter.
 BLOCKS = 20
 #: Level at which a larger scatter of the scores is chance.
@@ -159,7 +156,8 @@ def refine(unknowns: Unknowns, values: Array, iterations: int) -> FmuFit:
     residuals = _residuals(unknowns, base)
     if not unknowns.rough:
         slopes = unknowns.slopes(values, base)
-        J = [white.apply(s, np.isfinite(r)) for s, r in zip(slopes, residuals, strict=True)]
+        white = _white(unknowns, values, taken=_taken(slopes, residuals, white))
+        J = _whitened(slopes, residuals, white)
     w = [white.apply(r, np.isfinite(r)) for r in residuals]
     parts = _blocks([len(a) for a in J])
     S = np.array([np.einsum("kci,kcj->ij", J[k][rows], J[k][rows]) for k, rows in parts])
@@ -233,62 +231,39 @@ def minimise(unknowns: Unknowns, values: Array, white: Whitening, most: int) -> 
     return values, False
 
 
-def accurate(plant: FmuPlant, logs: Sequence[Rows]) -> FmuPlant:
-    """Return the model with steps short enough: half as long, they change outputs by ``ACCURACY`` at most.
-
-    Of Co-Simulation the steps are the FMU's own.
-
-    Raises
-    ------
-    InputError
-        If the FMU cannot be run with its present values, or rows lie between its fixed steps.
-    """
-    if (fixed := plant.interface.fixed_step) is not None:
-        for one in logs:
-            steps = np.diff(one.time) / fixed
-            if (np.abs(steps - np.maximum(np.round(steps), 1.0)) > BETWEEN).any():
-                raise InputError(
-                    f"{one.name}: expected rows that are multiples of {fixed:.9g} s apart, the fixed step of "
-                    f"FMU {plant.name!r}; found {float(np.median(np.diff(one.time))):.9g} s"
-                )
-    rows = max(logs, key=lambda r: len(r.time)).head(0.2)
-    pieces = plant.pieces_of(rows.time)
-    if plant.interface.kind != "ModelExchange":
-        return replace(plant, pieces=pieces)
-    last, why = None, ""
-    while pieces <= MOST_PIECES:
-        trial = replace(plant, pieces=pieces)
-        unknowns = Unknowns(trial, [rows])
-        try:
-            found = unknowns.predict(unknowns.start())[0]
-        except RunFailed as fault:  # perhaps unstable with so long a step
-            found, why = None, str(fault)
-            if "process" in why:  # it crashed or hung
-                raise InputError(f"FMU {plant.name!r} failed on {rows.name}: {why}") from None
-        if found is not None and last is not None:
-            spread = np.where(np.isfinite(rows.values), rows.values, found).std(axis=0)
-            spread = np.maximum(spread, 1e-12)
-            if float(np.max(np.median(np.abs(found - last), axis=0) / spread)) <= ACCURACY:
-                return replace(plant, pieces=max(pieces // 2, 1))
-        last, pieces = found, pieces * 2
-    if last is None:
-        raise InputError(f"FMU {plant.name!r} failed on {rows.name}: {why}")
-    return replace(plant, pieces=pieces // 2)
-
-
 def _residuals(unknowns: Unknowns, base: Sequence[Array]) -> list[Array]:
     return [rows.values - y for rows, y in zip(unknowns.logs, base, strict=True)]
 
 
-def _white(unknowns: Unknowns, values: Array, **options: int) -> Whitening:
+def _white(
+    unknowns: Unknowns, values: Array, *, most: int = MOST_ORDER, taken: Sequence[Array] | None = None
+) -> Whitening:
     residuals = _residuals(unknowns, unknowns.predict(values))
     every = np.concatenate([rows.values for rows in unknowns.logs])
     spread = np.maximum(np.nanstd(every, axis=0), 1e-9 * np.nanmax(np.abs(every), axis=0))
-    return whitening_of(residuals, np.maximum(spread, 1e-12), **options)
+    return whitening_of(residuals, np.maximum(spread, 1e-12), most=most, taken=taken)
+
+
+def _whitened(slopes: Sequence[Array], residuals: Sequence[Array], white: Whitening) -> list[Array]:
+    """Return J of each log."""
+    return [white.apply(s, np.isfinite(r)) for s, r in zip(slopes, residuals, strict=True)]
+
+
+def _taken(slopes: Sequence[Array], residuals: Sequence[Array], white: Whitening) -> list[Array]:
+    """Return the root L of what the fit took of each log: ``L L' = s C s'``, s the slopes."""
+    J = np.concatenate([a.reshape(-1, a.shape[2]) for a in _whitened(slopes, residuals, white)])
+    scale = np.linalg.norm(J, axis=0)
+    scale[scale == 0.0] = 1.0
+    size, axes = np.linalg.eigh((J / scale).T @ (J / scale))
+    kept = size > 1e-12 * size.max(initial=0.0)
+    root = axes[:, kept] / np.sqrt(size[kept]) / scale[:, None]
+    return [s @ root for s in slopes]
 
 
 def _cost(unknowns: Unknowns, base: Sequence[Array], white: Whitening) -> float:
-    return sum(float((white.apply(r, np.isfinite(r)) ** 2).sum()) for r in _residuals(unknowns, base))
+    """Return the sum of squares; infinite where a run diverges."""
+    with np.errstate(over="ignore"):
+        return sum(float((white.apply(r, np.isfinite(r)) ** 2).sum()) for r in _residuals(unknowns, base))
 
 
 def _normal(

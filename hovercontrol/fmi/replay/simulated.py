@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.fmi.importer.interface import REALS
-from hovercontrol.fmi.replay.output_error import accurate, refine
+from hovercontrol.fmi.replay.output_error import refine
 from hovercontrol.fmi.replay.parameters import bounds_of
 from hovercontrol.fmi.replay.plant import FmuPlant
 from hovercontrol.fmi.replay.rows import Rows, filled, rows_of
 from hovercontrol.fmi.replay.runs import RunFailed
+from hovercontrol.fmi.replay.step_length import accurate
 from hovercontrol.fmi.replay.unknowns import Unknowns
 from hovercontrol.io.text_table import aligned
 from hovercontrol.logs.log import Log

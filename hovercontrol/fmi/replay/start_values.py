@@ -120,6 +120,7 @@ def save_corrected(plant: FmuPlant, path: str | Path) -> Path:
         before=around.before,
         after=around.after,
         added=around.added,
+        kind=plant.interface.kind,
         start=_changed(plant),
     )
 
