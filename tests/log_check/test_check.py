@@ -38,7 +38,7 @@ def log():
 
 @pytest.fixture(scope="module")
 def checked(log):
-    return check([log], CRAFT)
+    return check(CRAFT, [log])
 
 
 def test_a_good_log_is_good_and_shows_its_coefficients(checked):
@@ -86,7 +86,7 @@ def test_what_is_put_into_a_log_is_found(log):
 )
 def test_wrong_units_are_findings_and_no_exceptions(log, change, line):
     wrong = Log("wrong.csv", log.time, {**log.columns, **change(log.columns)})
-    found = check([wrong], CRAFT)
+    found = check(CRAFT, [wrong])
     assert found.negative and len(found.errors) == 1
     assert re.search(line, found.errors[0]), found.errors
     assert found.coefficients == () and len(found.logs) == 1
@@ -94,14 +94,14 @@ def test_wrong_units_are_findings_and_no_exceptions(log, change, line):
 
 
 def test_what_the_commands_do_not_excite_is_told():
-    found = check([driven(8.0, rudder=0.0)], CRAFT)
+    found = check(CRAFT, [driven(8.0, rudder=0.0)])
     hidden = {c.name for c in found.coefficients if not c.excited}
     assert {"rudder_torque", "yaw_linear_drag"} <= hidden and "thrust" not in hidden
     assert found.negative and "no: nothing measured depends on it" in found.text()
 
 
 def test_a_log_given_twice_is_an_error(log):
-    found = check([log, Log("again.csv", log.time, log.columns)], CRAFT)
+    found = check(CRAFT, [log, Log("again.csv", log.time, log.columns)])
     assert "again.csv" in found.errors[0]
 
 
@@ -171,14 +171,14 @@ def test_the_picture_of_a_long_log_is_small(tmp_path):
     rng = np.random.default_rng(0)
     jitter = 1e-3 * rng.uniform(size=t.size)
     pose = {"x": np.sin(t) + 1e-3 * rng.normal(size=t.size), "y": np.cos(t), "psi": 0.1 * t}
-    check([Log("long.csv", t + jitter, pose)]).save(tmp_path)
+    check(None, [Log("long.csv", t + jitter, pose)]).save(tmp_path)
     assert (tmp_path / "check.svg").stat().st_size < 2_000_000  # each stamp takes 80 bytes
 
 
 def test_spans_are_shaded_as_one():
     t = 0.02 * np.arange(20_000)
     t = t + 0.5 * np.repeat(np.arange(200), 100)  # 199 gaps
-    axes = check([Log("gaps.csv", t, {"r": np.sin(t)})]).plot().axes
+    axes = check(None, [Log("gaps.csv", t, {"r": np.sin(t)})]).plot().axes
     assert all(len(a.patches) < 10 for a in axes) and any(len(a.collections) for a in axes)
 
 
