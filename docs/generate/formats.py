@@ -9,7 +9,7 @@ from typing import Any
 from generate.pages import code, table, toctree, write
 from hovercontrol.log_check.facts import UNITS
 from hovercontrol.logs.source import FORMATS
-from hovercontrol.models.model import MOTION
+from hovercontrol.models.motion import MOTION
 from hovercontrol.schema import KINDS, schema
 
 ABOUT = {
