@@ -12,7 +12,7 @@ from warnings import catch_warnings
 
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
-from hovercontrol.discrepancy.checks import check_fitted, check_logs
+from hovercontrol.discrepancy.checks import check_fitted, check_logs, slow_rows
 from hovercontrol.errors import InputError
 from hovercontrol.estimation.subject import Subject, structure
 from hovercontrol.fmi.replay.plant import FmuPlant
@@ -223,6 +223,7 @@ def check(
         warnings += found[-1].remarks
         if model is not None:
             _collect(partial(check_logs, model, [log]), errors, warnings)
+            errors += slow_rows(model, log)
     coefficients: tuple[Fitted, ...] = ()
     if model is not None and not errors:
         report(0.4, "comparing the logs")

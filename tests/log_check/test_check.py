@@ -6,7 +6,9 @@ import sys
 
 import numpy as np
 import pytest
+import sympy as sp
 
+import hovercontrol as hc
 from hovercontrol import cli, vehicle
 from hovercontrol.log_check import check, facts
 from hovercontrol.logs import Log
@@ -46,6 +48,20 @@ def test_a_good_log_is_good_and_shows_its_coefficients(checked):
     assert {c.name for c in checked.coefficients} == set(CRAFT.linear_coefficients())
     thrust = next(c for c in checked.coefficients if c.name == "thrust")
     assert abs(thrust.value - 0.75) < 4 * thrust.std < 0.05
+
+
+def test_times_in_another_unit_end_before_the_trial_fit():
+    q, w, torque = hc.Signal("q", "rad"), hc.Signal("w", "rad/s"), hc.Signal("torque", "rad/s^2")
+    k, g = hc.Signal("k", "1/s", start=0.1), hc.Signal("g", "1/s^2", start=19.0)
+    swing = torque.symbol - g.symbol * sp.sin(q.symbol) - k.symbol * w.symbol
+    pendulum = hc.Block("pendulum", [q, w], [torque], [q], [k, g], {"q": w.symbol, "w": swing})
+    t = 0.01 * np.arange(2500)
+    log = Log("swing", 1e3 * t, {"q": np.sin(4.0 * t), "torque": np.cos(3.0 * t)})
+    found = check(hc.BlockModel(pendulum), [log])
+    # |s|^2 = 19 cos 1 for both, |s| = 3.2/s, so that pi/|s| = 0.98 s
+    said = "swing: rows are 10 s apart, all motion of the model is over in 0.98 s: is the unit of time wrong"
+    assert [line.partition(" (--")[0] for line in found.errors] == [said] and found.negative
+    assert found.coefficients == ()
 
 
 def test_rate_noise_and_commands_are_those_of_the_log(checked):
