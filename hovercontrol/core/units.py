@@ -292,9 +292,10 @@ class DimensionChecker:
             if common is None:
                 common, first = dims, part
             elif dims != common:
+                advice = "; give the number as a parameter with a unit" if _has_number(first, part) else ""
                 raise UnitError(
-                    f"units do not fit in '{e}': '{first}' is in {self._unit(first, common)}, "
-                    f"'{part}' is in {self._unit(part, dims)}"
+                    f"units do not fit in '{_short(e)}': '{_short(first)}' is in "
+                    f"{self._unit(first, common)}, '{_short(part)}' is in {self._unit(part, dims)}{advice}"
                 )
         return common
 
@@ -309,3 +310,12 @@ class DimensionChecker:
                     f"units do not fit in '{e}': '{part}' must be dimensionless, "
                     f"it is in {unit_text(dims or DIMENSIONLESS)}"
                 )
+
+
+def _short(e: sp.Basic | None) -> str:
+    """Return an expression with numbers as short as they are: 9.81, not 9.81000000000000."""
+    return str(sp.sstr(e, full_prec=False))
+
+
+def _has_number(*parts: sp.Basic | None) -> bool:
+    return any(isinstance(part, sp.Number) for part in parts)

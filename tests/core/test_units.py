@@ -55,6 +55,12 @@ def test_degrees_are_converted_and_metres_are_not_seconds():
         conversion_factor("s", "m")
 
 
+def test_a_number_beside_a_quantity_should_be_a_parameter():
+    said = r"'u - 9.81': .*'-9.81' is in 1.*; give the number as a parameter with a unit"
+    with pytest.raises(UnitError, match=said):
+        of(U - 9.81)
+
+
 @pytest.mark.parametrize(("unit", "here", "kelvin"), [("degC", 40.0, 313.15), ("degF", 32.0, 273.15)])
 def test_temperatures_have_another_zero(unit, here, kelvin):
     factor, offset = conversion(unit, "K")
