@@ -60,6 +60,26 @@ def slow_rows(model: Subject, log: Log) -> list[str]:
     show an oscillation only if it turns by less than pi (Shannon 1949); of a decay by exp(-pi), 4 % are left.
     The line is returned if dt |s| > pi for every eigenvalue s at the nominal values. Times in a wrong unit do
     that, and start values that are far off.
+
+    Parameters
+    ----------
+    model : Model or BlockModel
+    log : Log
+
+    Returns
+    -------
+    list of str
+        One line, or none.
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> v, k = hc.Signal("v", "m/s"), hc.Signal("k", "1/s", start=2.0)
+    >>> decay = hc.BlockModel(hc.Block("decay", [v], [], [v], [k], {"v": -k.symbol * v.symbol}))
+    >>> slow_rows(decay, Log("a", 0.1 * np.arange(5), {}))
+    []
+    >>> slow_rows(decay, Log("a", 10.0 * np.arange(5), {}))[0].partition(":")[2].partition(",")[0]
+    ' rows are 10 s apart'
     """
     A = _jacobian(model)
     if len(log) < 2 or not A.size or not np.isfinite(A).all():
