@@ -36,7 +36,7 @@ _OTHER_LOGS = (
     ),
     "ROS 2's bags are also read as the folder into which they were recorded. Files of other suffixes are read as CSV.",
     "In CSV these are recognised, and said in one line: commas, semicolons, tabs, bars or blanks between values; decimal commas; UTF-16; "
-    "comment lines (`#`, `%`, `//`); lines above the header; units in its names (`x [mm]`) or in a line below it, which are converted to SI. Copies of the row before, and a last "
+    "comment lines (`#`, `%`, `//`); lines above the header; units in its names (`x [mm]`, `T [degC]`) or in a line below it, which are converted to SI. Copies of the row before, and a last "
     "line without its end, are left out.",
     "## Topics",
     "`hovercontrol check flight.ulg` lists the topics of a log with their rates and columns, and proposes `--columns`. Each topic has its own "
