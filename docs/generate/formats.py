@@ -9,7 +9,7 @@ from typing import Any
 from generate.pages import code, table, toctree, write
 from hovercontrol.log_check.facts import UNITS
 from hovercontrol.logs.source import FORMATS
-from hovercontrol.models.model import MOTION
+from hovercontrol.models.motion import MOTION
 from hovercontrol.schema import KINDS, schema
 
 ABOUT = {
@@ -42,7 +42,7 @@ _OTHER_LOGS = (
     ),
     "ROS 2's bags are also read as the folder into which they were recorded. Files of other suffixes are read as CSV.",
     "In CSV these are recognised, and said in one line: commas, semicolons, tabs, bars or blanks between values; decimal commas; UTF-16; "
-    "comment lines (`#`, `%`, `//`); lines above the header; units in its names (`x [mm]`) or in a line below it, which are converted to SI. Copies of the row before, and a last "
+    "comment lines (`#`, `%`, `//`); lines above the header; units in its names (`x [mm]`, `T [degC]`) or in a line below it, which are converted to SI. Copies of the row before, and a last "
     "line without its end, are left out.",
     "## Topics",
     "`hovercontrol check flight.ulg` lists the topics of a log with their rates and columns, and proposes `--columns`. Each topic has its own "

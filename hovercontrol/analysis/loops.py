@@ -17,7 +17,8 @@ from hovercontrol.core.interconnect import interconnect
 from hovercontrol.core.signals import Signal, time
 from hovercontrol.errors import InputError
 from hovercontrol.estimators import kalman_bucy
-from hovercontrol.models.model import MOTION, Model
+from hovercontrol.models.model import Model
+from hovercontrol.models.motion import MOTION
 
 #: What the watch shows of a loop.
 WATCHED = ("tracking_error", "facing", "r")

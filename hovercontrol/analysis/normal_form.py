@@ -19,7 +19,8 @@ from hovercontrol.controllers.references import OUTPUTS as REFERENCE
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
-from hovercontrol.models.model import MOTION, Model
+from hovercontrol.models.model import Model
+from hovercontrol.models.motion import MOTION
 
 P = ParamSpec("P")
 Derived = TypeVar("Derived")

@@ -11,7 +11,7 @@ from hovercontrol.core.boundary import checked
 from hovercontrol.core.random_numbers import random_numbers
 from hovercontrol.core.signals import Signal
 from hovercontrol.io.tables import number, positive
-from hovercontrol.models.model import MOTION
+from hovercontrol.models.motion import MOTION
 
 #: K06 simulates the IMU's 6.5536 ms as 6 ms.
 SIMULATED_IMU = 0.006

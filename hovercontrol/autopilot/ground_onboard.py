@@ -22,7 +22,7 @@ from hovercontrol.hardware.actuators import (
     rudder_servo,
 )
 from hovercontrol.hardware.actuators.signals import SERVO_COMMAND
-from hovercontrol.models.model import MOTION, RUDDER, THRUST
+from hovercontrol.models.motion import MOTION, RUDDER, THRUST
 
 
 def sent_commands(thruster: Thruster) -> tuple[Signal, Signal]:

@@ -8,7 +8,7 @@ from hovercontrol.controllers.k06.heading import HEADING_REF
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.core.interconnect import interconnect, rename
-from hovercontrol.models.model import MOTION
+from hovercontrol.models.motion import MOTION
 
 
 @checked

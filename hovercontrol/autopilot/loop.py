@@ -26,7 +26,7 @@ from hovercontrol.hardware.actuators.signals import TICK, UPDATE
 from hovercontrol.hardware.links import constant_delay, k06_downlink, k06_uplink
 from hovercontrol.hardware.sensors import Beacons, with_specific_force
 from hovercontrol.io.tables import positive
-from hovercontrol.models.model import MOTION
+from hovercontrol.models.motion import MOTION
 from hovercontrol.models.vehicles import hoverdemon
 
 

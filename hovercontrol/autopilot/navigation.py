@@ -23,7 +23,7 @@ from hovercontrol.hardware.sensors import (
     k06_magnetometer,
 )
 from hovercontrol.io.tables import positive
-from hovercontrol.models.model import MOTION
+from hovercontrol.models.motion import MOTION
 
 #: Names of the navigation's estimates of the motion.
 HATS = tuple(f"{s.name}_hat" for s in MOTION)

@@ -8,7 +8,7 @@ from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.core.interconnect import interconnect, prefix
 from hovercontrol.core.signals import Signal
-from hovercontrol.models.model import MOTION
+from hovercontrol.models.motion import MOTION
 from hovercontrol.models.vehicles import HOVERDEMON_BODY, Body
 
 _MOVING = MOTION[3:]

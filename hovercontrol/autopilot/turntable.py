@@ -15,7 +15,7 @@ from hovercontrol.core.block import Block
 from hovercontrol.core.signals import Signal, time
 from hovercontrol.errors import InputError
 from hovercontrol.io.tables import number, positive
-from hovercontrol.models.model import MOTION
+from hovercontrol.models.motion import MOTION
 
 #: Distance from the spin axis to the inertial sensors [m]: 12 in.
 ARM = 12 * 0.0254

@@ -16,7 +16,8 @@ from hovercontrol.core.block import Block
 from hovercontrol.core.interconnect import interconnect
 from hovercontrol.core.signals import Signal
 from hovercontrol.guidance import steering_law, weaving
-from hovercontrol.models.model import MOTION, THRUST, Fan, Model
+from hovercontrol.models.model import Fan, Model
+from hovercontrol.models.motion import MOTION, THRUST
 from hovercontrol.models.vehicles import HOVERDEMON_BODY, hoverdemon
 
 #: Full stick where a model states no bounds: the ends of K06's table of forces (figure 4.5), in N and rad.

@@ -12,7 +12,8 @@ from hovercontrol.cockpit.orders import Flown
 from hovercontrol.controllers.k06.heading import TICK
 from hovercontrol.core.functions import call_scalar, numpy_functions
 from hovercontrol.errors import InputError
-from hovercontrol.models.model import MOTION, Model
+from hovercontrol.models.model import Model
+from hovercontrol.models.motion import MOTION
 from hovercontrol.simulation.hybrid import Ticking
 from hovercontrol.simulation.runge_kutta import rk4
 

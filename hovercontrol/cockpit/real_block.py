@@ -29,7 +29,8 @@ from hovercontrol.hardware.actuators.signals import FAN_SPEED_COMMAND, SERVO_COM
 from hovercontrol.hardware.links import bluetooth_delays, lossy_link
 from hovercontrol.hardware.links.failsafe import failsafe
 from hovercontrol.hardware.sensors.platform import tilted_platform
-from hovercontrol.models.model import MOTION, Model
+from hovercontrol.models.model import Model
+from hovercontrol.models.motion import MOTION
 
 #: What K06's ground side sends for rudder and fan.
 COMMANDS = (SERVO_COMMAND, FAN_SPEED_COMMAND)

@@ -12,7 +12,7 @@ from hovercontrol.core.block import Block
 from hovercontrol.core.interconnect import interconnect, prefix, rename
 from hovercontrol.core.signals import Signal
 from hovercontrol.estimators.ins.calibration import restartable
-from hovercontrol.models.model import MOTION
+from hovercontrol.models.motion import MOTION
 
 #: Which law flies, K06's "Desired Law" (K06 figure 5.2); ``manual`` are K06's user commands.
 LAW = Signal("law", "1", "active law", modes=tuple(CHOICES))

@@ -13,7 +13,8 @@ from hovercontrol.cockpit.orders import Flown
 from hovercontrol.cockpit.real_block import ORDERS, ground_station
 from hovercontrol.cockpit.real_laws import LAW, reference_key
 from hovercontrol.errors import InputError
-from hovercontrol.models.model import MOTION, Model
+from hovercontrol.models.model import Model
+from hovercontrol.models.motion import MOTION
 from hovercontrol.simulation.hybrid import Ticking
 from hovercontrol.targets.compiled import CompiledBlock
 

@@ -25,7 +25,11 @@ def benchmark(
         bool, typer.Option("--list", help="List the cases of the edition and exit.")
     ] = False,
     case: Annotated[
-        str, typer.Option("--case", help="Write the logs and the model of one case; its answer goes apart.")
+        str,
+        typer.Option(
+            "--case",
+            help="Write the logs and the model of one case, its answer apart; with --tool score it alone.",
+        ),
     ] = "",
     edition: Annotated[
         str,
@@ -35,10 +39,10 @@ def benchmark(
         str,
         typer.Option(
             "--tool",
-            help="Tools, separated by commas: hovercontrol, sindy, arx, FILE.py:FUNCTION.",
+            help="Tools, separated by commas: hovercontrol (default), sindy, arx, FILE.py:FUNCTION.",
             autocompletion=names.of("hovercontrol", "sindy", "arx"),
         ),
-    ] = "hovercontrol",
+    ] = "",
     blind: Annotated[
         str, typer.Option("--blind", metavar="KEY", help="Draw order and seeds of the cases from a secret.")
     ] = "",
@@ -58,13 +62,15 @@ def benchmark(
     Each tool gets the model, a training log and a held-out log. Its answer is scored by fixed rules:
     detection, name or form, equation, coefficient, false names, held-out error 0.2 and 1 s ahead.
 
+    With --case and --tool one case is scored; with --case alone its logs and model are written.
+
     Cases and seeds are public. With --blind KEY they follow from a secret: --logs then writes cases with
     neutral names, and the answers to OUT.answer. The same key with --tool scores a tool on them.
 
     Writes result.json, table.csv and table.png. Finished cases are kept in OUT.cases: a run that was
     stopped continues when it is started again.
     """
-    from hovercontrol.missing_physics.cases import benchmark_names, blind_names, lacks
+    from hovercontrol.missing_physics.cases import benchmark_names, blind_names, lacks, parsed
     from hovercontrol.missing_physics.files import save_case
 
     cases = blind_names(blind, edition) if blind else {name: name for name in benchmark_names(edition)}
@@ -74,6 +80,12 @@ def benchmark(
         return 0
     out = out or Path("out") / "benchmark"
     check_folder(out)
+    if logs_only and tool:
+        raise InputError("benchmark: --logs runs no tool; expected --logs or --tool")
+    if case and tool:
+        real = cases.get(case, case)
+        parsed(real)
+        return _score({case: real}, _tools(tool), out, jobs, blind, json)
     if case:
         real = cases.get(case, case)
         shown = case if blind and case in cases else ""
@@ -83,7 +95,7 @@ def benchmark(
         return 0
     if logs_only:
         return _write_all(cases, out, bool(blind), json)
-    return _score(cases, _tools(tool), out, jobs, blind, json)
+    return _score(cases, _tools(tool or "hovercontrol"), out, jobs, blind, json)
 
 
 def _tools(text: str) -> list[str]:

@@ -93,8 +93,8 @@ def check(
         if wrong and not every:  # an option that fits none of the logs is at fault, not they
             raise wrong
         found = find(
-            every,
             plant or known,
+            every,
             files=written,
             unread=unread,
             progress=lambda part, what: report(0.05 + 0.9 * part, what),

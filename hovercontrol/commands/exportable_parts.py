@@ -24,7 +24,7 @@ from hovercontrol.estimators.ins import (
 )
 from hovercontrol.hardware import actuators, links, sensors
 from hovercontrol.hardware.sensors.ranging import K06_UNITS
-from hovercontrol.models.model import RUDDER, THRUST
+from hovercontrol.models.motion import RUDDER, THRUST
 
 #: What goes over a link that stands alone.
 _COMMANDS = (THRUST.replace(unit="N", description="force of the propeller"), RUDDER)

@@ -15,7 +15,7 @@ from hovercontrol.io.files import check_folder
 if TYPE_CHECKING:
     from hovercontrol.monitor.build import Built
 
-EXAMPLE = "Example: hovercontrol monitor today.csv --fit sound.csv --model craft.toml --out out/monitor"
+EXAMPLE = "Example: hovercontrol monitor today.csv --sound sound.csv --model craft.toml --out out/monitor"
 
 
 def monitor(
@@ -31,10 +31,10 @@ def monitor(
     model: given.ModelFile = None,
     vehicle: given.Vehicle = None,
     params: given.Params = None,
-    fit: Annotated[
+    sound: Annotated[
         str | None,
         typer.Option(
-            "--fit",
+            "--sound",
             help="A sound log, from which coefficients and noise are fitted (default: the model as it is, "
             "and the noise of the first part of LOG).",
         ),
@@ -64,8 +64,8 @@ def monitor(
         bool,
         typer.Option(
             "--follow",
-            help="Read LOG line by line while it grows; each alarm is one JSON line. Needs --fit. Ends with "
-            "standard input, or by Ctrl-C.",
+            help="Read LOG line by line while it grows; each alarm is one JSON line. Needs --sound. Ends "
+            "with standard input, or by Ctrl-C.",
         ),
     ] = False,
     columns: given.Columns = "",
@@ -95,8 +95,8 @@ def monitor(
         raise InputError("monitor: --follow prints JSON lines: no --out, --json, --frame, --bench or --while")
     if not follow and log == "-":
         raise InputError("monitor: - is standard input: add --follow")
-    if follow and fit is None:
-        raise InputError("monitor: --follow needs --fit LOG: a sound log, for the noise and the period")
+    if follow and sound is None:
+        raise InputError("monitor: --follow needs --sound LOG: a sound log, for the noise and the period")
     if not hold > 0.0:
         raise InputError(f"monitor: --hold: expected a positive time in seconds, found {hold:g}")
     if not false_alarms_per_hour > 0.0:
@@ -110,14 +110,14 @@ def monitor(
     )
     if follow and log != "-" and not Path(log).is_file():
         raise InputError(f"monitor: {log}: no such file")
-    given.refuse_twice("monitor", [name for name in (log, fit) if name not in (None, "-")])
+    given.refuse_twice("monitor", [name for name in (log, sound) if name not in (None, "-")])
 
     from hovercontrol.monitor.build import build
     from hovercontrol.monitor.replay import replay
 
     with given.progress_bar("monitor", 1.0) as report:
         report(0.0, "reading logs")
-        train = read(fit) if fit else None
+        train = read(sound) if sound else None
         run = train if follow and train is not None else read(log)
         built = build(
             craft,

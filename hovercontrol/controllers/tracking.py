@@ -20,7 +20,9 @@ from hovercontrol.core.boundary import checked
 from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError, did_you_mean, shown
 from hovercontrol.io.tables import number, positive
-from hovercontrol.models.model import MOTION, Model, motion_symbols
+from hovercontrol.models.effect_equations import accelerations, own_states
+from hovercontrol.models.model import Model
+from hovercontrol.models.motion import MOTION, motion_symbols
 
 
 @checked
@@ -172,12 +174,12 @@ def affine_dynamics(model: Model, name: str) -> tuple[dict[str, sp.Expr], Thrust
                     f"controller: the effect {effect.name!r} of model {model.name!r} is not a linear "
                     "function of T cos(theta), T sin(theta), so the thrust cannot be solved for"
                 )
-    for state in model.own_states(name, s):
+    for state in own_states(model.effects, name, s):
         raise InputError(
             f"controller: model {model.name!r} has friction with the internal state {state.name!r}, which "
             f"a controller cannot know: leave the effect out of the controller's model"
         )
-    total = model.accelerations(name, s)
+    total = accelerations(model.effects, name, s)
     gain = sp.Matrix([[sp.diff(total[axis], a) for a in vector] for axis in ("u", "v", "r")])
     rest = {axis: e.xreplace(dict.fromkeys(vector, sp.S.Zero)) for axis, e in total.items()}
     return rest, ThrustMatrix(gain), s

@@ -89,28 +89,54 @@ def _dimension(unit: str) -> Dimension:
 
 
 @checked
+def conversion(unit: str, target: str) -> tuple[float, float]:
+    """Return factor a and offset b that convert a number x from `unit` to `target`: a x + b.
+
+    Raises
+    ------
+    UnitError
+        If the two units have different dimensions, the factor is out of range, or the scale is logarithmic.
+
+    Examples
+    --------
+    >>> conversion("degC", "K"), conversion("cm", "m")
+    ((1.0, 273.15), (0.01, 0.0))
+    """
+    if dimension(unit) != dimension(target):
+        raise UnitError(f"expected a unit like {target!r}, found {unit!r}")
+    given, wanted = parse_unit(unit), parse_unit(target)
+
+    def converted(x: float) -> float:
+        return float(registry().Quantity(x, given).to(wanted).magnitude)
+
+    try:
+        b, a, twice = (converted(x) for x in (0.0, 1.0, 2.0))
+        if not math.isclose(twice - a, a - b, rel_tol=1e-6):  # decibels
+            raise ArithmeticError
+        a = (converted(1e6) - b) / 1e6 if b else a  # from far apart: rounding of b takes no digits of a
+    except (ArithmeticError, pint.errors.PintError):
+        a, b = math.inf, 0.0
+    if not 0 < a < math.inf:
+        raise UnitError(f"expected a unit like {target!r}, found {unit!r}, which has another scale")
+    return a, b
+
+
 def conversion_factor(unit: str, target: str) -> float:
     """Return the factor that converts a number from `unit` to `target`.
 
     Raises
     ------
     UnitError
-        If the two units have different dimensions, or the factor is out of range.
+        If the two units have different dimensions or zeros, or the factor is out of range.
 
     Examples
     --------
     >>> round(conversion_factor("deg/s", "rad/s"), 6)
     0.017453
     """
-    if dimension(unit) != dimension(target):
-        raise UnitError(f"expected a unit like {target!r}, found {unit!r}")
-    ureg = registry()
-    try:
-        factor = float(ureg.Quantity(1.0, parse_unit(unit)).to(parse_unit(target)).magnitude)
-    except ArithmeticError:
-        factor = math.inf
-    if not 0 < factor < math.inf:
-        raise UnitError(f"expected a unit like {target!r}, found {unit!r}, which has another scale")
+    factor, offset = conversion(unit, target)
+    if offset:
+        raise UnitError(f"expected a unit like {target!r}, found {unit!r}, which has another zero")
     return factor
 
 
@@ -266,9 +292,10 @@ class DimensionChecker:
             if common is None:
                 common, first = dims, part
             elif dims != common:
+                advice = "; give the number as a parameter with a unit" if _has_number(first, part) else ""
                 raise UnitError(
-                    f"units do not fit in '{e}': '{first}' is in {self._unit(first, common)}, "
-                    f"'{part}' is in {self._unit(part, dims)}"
+                    f"units do not fit in '{_short(e)}': '{_short(first)}' is in "
+                    f"{self._unit(first, common)}, '{_short(part)}' is in {self._unit(part, dims)}{advice}"
                 )
         return common
 
@@ -283,3 +310,12 @@ class DimensionChecker:
                     f"units do not fit in '{e}': '{part}' must be dimensionless, "
                     f"it is in {unit_text(dims or DIMENSIONLESS)}"
                 )
+
+
+def _short(e: sp.Basic | None) -> str:
+    """Return an expression with numbers as short as they are: 9.81, not 9.81000000000000."""
+    return str(sp.sstr(e, full_prec=False))
+
+
+def _has_number(*parts: sp.Basic | None) -> bool:
+    return any(isinstance(part, sp.Number) for part in parts)

@@ -10,7 +10,7 @@ from hovercontrol.core.boundary import checked
 from hovercontrol.core.signals import Signal
 from hovercontrol.guidance.waypoints import COURSE_REF
 from hovercontrol.io.tables import positive
-from hovercontrol.models.model import MOTION
+from hovercontrol.models.motion import MOTION
 
 _SEEN = tuple(s for s in MOTION if s.name in ("psi", "u", "v"))
 

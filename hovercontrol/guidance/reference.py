@@ -14,7 +14,8 @@ from hovercontrol.errors import InputError
 from hovercontrol.guidance.commands import DESIRED
 from hovercontrol.guidance.steering import inverse_dynamics
 from hovercontrol.io.tables import finite
-from hovercontrol.models.model import MOTION, Model, motion_symbols
+from hovercontrol.models.model import Model
+from hovercontrol.models.motion import MOTION, motion_symbols
 
 
 @checked

@@ -18,7 +18,8 @@ from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
 from hovercontrol.guidance.commands import DESIRED
 from hovercontrol.io.tables import positive
-from hovercontrol.models.model import MOTION, Model, motion_symbols
+from hovercontrol.models.model import Model
+from hovercontrol.models.motion import MOTION, motion_symbols
 
 _MOVING = tuple(s for s in MOTION if s.name in ("u", "v", "r"))
 

@@ -23,7 +23,7 @@ from hovercontrol.core.boundary import checked
 from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
 from hovercontrol.io.tables import number, positive
-from hovercontrol.models.model import MOTION
+from hovercontrol.models.motion import MOTION
 
 #: Period of sampled guidance [s].
 PERIOD = 0.02

@@ -22,7 +22,7 @@ from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
 from hovercontrol.guidance.commands import DESIRED
 from hovercontrol.io.tables import number, positive
-from hovercontrol.models.model import MOTION
+from hovercontrol.models.motion import MOTION
 from hovercontrol.models.vehicles import HOVERDEMON_BODY, Body
 
 _SEEN = tuple(s for s in MOTION if s.name in ("u", "v", "r"))

@@ -12,7 +12,7 @@ from warnings import catch_warnings
 
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
-from hovercontrol.discrepancy.checks import check_fitted, check_logs
+from hovercontrol.discrepancy.checks import check_fitted, check_logs, slow_rows
 from hovercontrol.errors import InputError
 from hovercontrol.estimation.subject import Subject, structure
 from hovercontrol.fmi.replay.plant import FmuPlant
@@ -63,7 +63,7 @@ class Checked:
     --------
     >>> import numpy as np
     >>> t = 0.02 * np.arange(200)
-    >>> found = check([Log("a.csv", t, {"x": np.sin(t), "y": 0.3 * t, "psi": 0 * t})])
+    >>> found = check(None, [Log("a.csv", t, {"x": np.sin(t), "y": 0.3 * t, "psi": 0 * t})])
     >>> found.errors, len(found.logs)
     ((), 1)
     """
@@ -166,8 +166,8 @@ class Checked:
 
 @checked
 def check(
+    model: AnyModel | FmuPlant | None,
     logs: Sequence[Log],
-    model: AnyModel | FmuPlant | None = None,
     *,
     files: Sequence[Mapping[str, Array]] | None = None,
     unread: Sequence[str] = (),
@@ -177,10 +177,10 @@ def check(
 
     Parameters
     ----------
-    logs : sequence of Log
-    model : Model, BlockModel, Block or FmuPlant, optional
-        Model of the logged system; without a model only checks that need none are made. Of an FMU the
+    model : Model, BlockModel, Block, FmuPlant or None
+        Model of the logged system; with None only checks that need no model are made. Of an FMU the
         parameters of its ``fit`` are tried, without one all that are real numbers.
+    logs : sequence of Log
     files : sequence of mapping of str to ndarray, shape (n,), optional
         For each log the stamps [s] of the files it was joined from, by their names.
     unread : sequence of str, optional
@@ -202,7 +202,7 @@ def check(
     --------
     >>> import numpy as np
     >>> t = 0.02 * np.arange(200)
-    >>> found = check([Log("a.csv", t, {"x": 1e3 * np.sin(t), "y": 300 * t, "psi": 0 * t})])
+    >>> found = check(None, [Log("a.csv", t, {"x": 1e3 * np.sin(t), "y": 300 * t, "psi": 0 * t})])
     >>> print(found.warnings[0].partition("? ")[0])
     a.csv: the position moves at 1.02e+03 m/s: is it in millimetres or centimetres
     """
@@ -223,6 +223,7 @@ def check(
         warnings += found[-1].remarks
         if model is not None:
             _collect(partial(check_logs, model, [log]), errors, warnings)
+            errors += slow_rows(model, log)
     coefficients: tuple[Fitted, ...] = ()
     if model is not None and not errors:
         report(0.4, "comparing the logs")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Container, Mapping
 
-from hovercontrol.core.units import conversion_factor, dimension, plain_si
+from hovercontrol.core.units import conversion, dimension, plain_si
 from hovercontrol.errors import ArgumentError, InputError
 from hovercontrol.logs.log import UNITS
 from hovercontrol.logs.readers.dialect import unit_in_name
@@ -54,8 +54,8 @@ def column_of(said: str, header: Container[str]) -> tuple[str, str]:
     return plain if stated and name not in header and plain in header else name, unit.strip()
 
 
-def factor_to_si(name: str, unit: str, wanted: str = "") -> float:
-    """Return the factor that converts the numbers of a column to the log's unit.
+def conversion_to_si(name: str, unit: str, wanted: str = "") -> tuple[float, float]:
+    """Return factor a and offset b that convert the numbers x of a column to the log's unit: a x + b.
 
     Parameters
     ----------
@@ -73,17 +73,18 @@ def factor_to_si(name: str, unit: str, wanted: str = "") -> float:
 
     Examples
     --------
-    >>> factor_to_si("time", "ms"), round(factor_to_si("rudder", "-deg", "rad"), 6)
-    (0.001, -0.017453)
+    >>> conversion_to_si("time", "ms"), conversion_to_si("water", "degC"), conversion_to_si("x", "-mm")
+    ((0.001, 0.0), (1.0, 273.15), (-0.001, 0.0))
     """
     sign = -1.0 if unit.startswith("-") else 1.0
     plain = unit.removeprefix("-").strip()
     if not plain:
-        return sign
+        return sign, 0.0
     try:
-        return sign * conversion_factor(plain, wanted or {"time": "s", **UNITS}.get(name) or plain_si(plain))
+        factor, offset = conversion(plain, wanted or {"time": "s", **UNITS}.get(name) or plain_si(plain))
     except InputError as error:
         raise ArgumentError(f"column {name!r}, read as {unit!r}: {error}") from None
+    return sign * factor, offset
 
 
 def unit_hints(
@@ -113,20 +114,20 @@ def unit_hints(
         read = {"time": "s", **UNITS, **wanted}.get(ours, "")
         if not unit or not read or ours in known or dimension(unit) != dimension(read):
             continue
-        if conversion_factor(unit, read) != 1.0:
+        if conversion(unit, read) != (1.0, 0.0):
             option = f"--columns {ours}={theirs}:{unit}"
             lines.append(f"{file}: column {theirs!r} is read in {read}; if it is in {unit}: {option}")
     return lines
 
 
-def factors_of_file(
+def conversions_of_file(
     file: str,
     units: Mapping[str, str],
     names: Mapping[str, str],
     said: Container[str],
     wanted: Mapping[str, str],
-) -> dict[str, float]:
-    """Return the conversion factors of the columns whose units the file itself states.
+) -> dict[str, tuple[float, float]]:
+    """Return factor and offset of the columns whose units the file itself states.
 
     Parameters
     ----------
@@ -146,16 +147,16 @@ def factors_of_file(
     InputError
         If the unit of time, pose, velocity or an input has the wrong dimension.
     """
-    factors = {}
+    found = {}
     for ours, theirs in names.items():
         if ours in said or theirs not in units:
             continue
         try:
-            factor = factor_to_si(ours, units[theirs], wanted.get(ours, ""))
+            linear = conversion_to_si(ours, units[theirs], wanted.get(ours, ""))
         except ValueError as error:  # an InputError, or a text that is too long for a unit
             if ours in wanted or ours in ("time", *UNITS):
                 raise InputError(f"{file}: {error}; another unit: --columns {ours}={theirs}:UNIT") from None
             continue  # the column is not used
-        if factor != 1.0:
-            factors[ours] = factor
-    return factors
+        if linear != (1.0, 0.0):
+            found[ours] = linear
+    return found

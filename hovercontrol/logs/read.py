@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from hovercontrol.core.boundary import checked
 from hovercontrol.errors import ArgumentError, InputError, did_you_mean
 from hovercontrol.logs.check import check_codes, check_finite, check_heading, check_size, check_time
-from hovercontrol.logs.column_units import column_of, factor_to_si, factors_of_file, unit_hints
+from hovercontrol.logs.column_units import column_of, conversion_to_si, conversions_of_file, unit_hints
 from hovercontrol.logs.derived import Derived, with_derived
 from hovercontrol.logs.log import POSE, VELOCITY, Floats, Log
 from hovercontrol.logs.readers.tables import Table, Tables
@@ -142,11 +142,11 @@ def _read_source(
     said = {ours: column_of(theirs, source.header) for ours, theirs in columns.items()}
     renamed = {ours: theirs for ours, (theirs, _) in said.items()}
     units = {**wanted.outputs, **wanted.inputs}
-    factors = {
-        ours: factor_to_si(ours, unit, units.get(ours, "")) for ours, (_, unit) in said.items() if unit
+    conversions = {
+        ours: conversion_to_si(ours, unit, units.get(ours, "")) for ours, (_, unit) in said.items() if unit
     }
     names = _our_names(str(file), source.header, renamed)
-    factors |= factors_of_file(str(file), source.units, names, factors, units)
+    conversions |= conversions_of_file(str(file), source.units, names, conversions, units)
     if trial and trial not in names:
         raise ArgumentError(f"{file}: no column {trial!r} to tell trials by{did_you_mean(trial, names)}")
     needed = dict.fromkeys(("time", *wanted.inputs, *(usecols or ()), *([trial] if trial else [])), "")
@@ -163,9 +163,10 @@ def _read_source(
         raise InputError(f"{file}: expected samples below the header, found no rows")
     for ours in data.keys() - {"time"} if missing else ():
         data[ours][np.isin(data[ours], missing)] = np.nan
-    for ours, factor in factors.items():
+    for ours, (factor, offset) in conversions.items():
         if ours in data:
             data[ours] *= factor
+            data[ours] += offset
     for ours in (name for name in names if name in checked):
         if ours == "time":
             check_finite(str(file), source, names[ours], data[ours])
@@ -183,7 +184,7 @@ def _read_source(
     origin = source.stamps.origin if isinstance(source, Derived) and source.stamps else None
     log = replace(_log(file.name, data, firsts, trial), origin=origin or 0)
     notes = [f"{file}: read with {source.said}"] if source.said else []
-    known = {*factors, *(ours for ours, theirs in names.items() if theirs in source.units)}
+    known = {*conversions, *(ours for ours, theirs in names.items() if theirs in source.units)}
     if isinstance(source, Derived) and source.stamps:
         known.add("time")
     notes += unit_hints(str(file), {k: names[k] for k in names if k in checked}, known, units)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import typing
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -310,3 +310,8 @@ def _numbers(where: str, given: Any, least: int) -> tuple[float, ...]:
     if len(found) < least or not all(map(math.isfinite, found)):
         raise InputError(f"{where} must be a list of {least} or more finite numbers, found {list(found)!r}")
     return found
+
+
+def fans_alike(fans: Iterable[Fan]) -> tuple[Fan, ...]:
+    """Return the fans with gains of 1: the equations are the same for every gain."""
+    return tuple(f if f.gain is None else replace(f, gain=1.0) for f in fans)

@@ -1,4 +1,4 @@
-"""A model: a craft as a list of effects (over 500 lines: one public class, half of it docstrings).
+"""A model: a craft as a list of effects.
 
 Planar rigid-body motion plus that list is the plant.
 
@@ -7,11 +7,9 @@ Body frame: surge u forward, sway v to the left, yaw rate r counter-clockwise; e
 
 from __future__ import annotations
 
-import math
-from collections.abc import Hashable, Iterable, Mapping
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, field, replace
-from types import SimpleNamespace
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 import sympy as sp
@@ -19,30 +17,16 @@ from numpy.typing import ArrayLike
 
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
-from hovercontrol.core.signals import Signal, time
+from hovercontrol.core.signals import Signal
 from hovercontrol.effects import Effect, effect_class, effect_names
 from hovercontrol.effects.fan_classes import fan_effects
 from hovercontrol.errors import InputError
 from hovercontrol.models.actuated import saturated
 from hovercontrol.models.base import EffectModel, as_measured, delays_of, effect_lines, rate_limit
+from hovercontrol.models.effect_equations import accelerations, apply_to_commands, measured_motion, own_states
 from hovercontrol.models.fans import Fan as Fan
-
-#: What effects make of commands, by all that it depends on.
-_WAYS: dict[tuple[Hashable, ...], tuple[dict[Signal, sp.Expr], SimpleNamespace]] = {}
-
-#: The six states of every plant [C17 eq 8] [K06 eq 2.2, 2.5].
-MOTION = (
-    Signal("x", "m", "position, earth frame"),
-    Signal("y", "m", "position, earth frame"),
-    Signal("psi", "rad", "heading"),
-    Signal("u", "m/s", "surge velocity"),
-    Signal("v", "m/s", "sway velocity"),
-    Signal("r", "rad/s", "yaw rate"),
-)
-
-#: The commands of a craft with one propeller and a rudder (T and theta in C17).
-THRUST = Signal("thrust", "1", "thrust command")
-RUDDER = Signal("rudder", "rad", "rudder angle", nominal=0.5)
+from hovercontrol.models.fans import fans_alike
+from hovercontrol.models.motion import MOTION, RUDDER, THRUST, craft_units, motion_symbols
 
 
 @checked
@@ -124,12 +108,8 @@ class Model(EffectModel):
     @property
     def signature(self) -> tuple[Hashable, ...]:
         """Everything that determines the plant's equations except the values of coefficients."""
-        inputs = (self.thrust, self.rudder, self._fans_alike(), self.limited)
+        inputs = (self.thrust, self.rudder, fans_alike(self.fans), self.limited)
         return (self.name, *inputs, *(type(e) for e in self.effects))
-
-    def _fans_alike(self) -> tuple[Fan, ...]:
-        """Return the fans with gains of 1."""
-        return tuple(f if f.gain is None else replace(f, gain=1.0) for f in self.fans)
 
     def _repr_html_(self) -> str:
         from hovercontrol.models.display import model_html
@@ -268,102 +248,6 @@ class Model(EffectModel):
         """
         return (*self._linear_in_effects(), *(f"{f.name}_gain" for f in self.fans if f.gain is not None))
 
-    def accelerations(self, owner: str, motion: SimpleNamespace) -> dict[str, sp.Expr]:
-        """Return the sum of all effects' terms, by equation ``u``, ``v``, ``r``.
-
-        Parameters
-        ----------
-        owner : str
-            Name of the Block; its parameters are the coefficients.
-        motion : namespace
-            As :func:`motion_symbols` gives it, or with other expressions in its place.
-
-        Raises
-        ------
-        InputError
-            If the terms of an effect are not a dict with these keys.
-        """
-        total = dict.fromkeys(("u", "v", "r"), sp.S.Zero)
-        seen = self._motion_seen(owner, motion)
-        factors: dict[str, sp.Expr] = {}
-        for e in self.effects:
-            for name, factor in e.factors(e.symbols(owner), seen).items():
-                factors[name] = factors.get(name, sp.S.One) * factor
-        masses: dict[str, dict[str, sp.Expr]] = {axis: {} for axis in total}
-        for e in self.effects:
-            for axis, factor in e.inertia(e.symbols(owner), seen).items():
-                masses[axis][e.name] = factor
-        for e in self.effects:
-            terms = e.terms(e.symbols(owner), seen)
-            if not isinstance(terms, dict) or not set(terms) <= set(total):
-                raise InputError(
-                    f"effect {e.name}: terms() must return a dict with keys u, v, r, not {terms!r}"
-                )
-            for axis, term in terms.items():
-                mass = sp.Mul(*(m for name, m in masses[axis].items() if name != e.name))
-                total[axis] += factors.get(e.name, sp.S.One) * mass * term
-        return total
-
-    def _motion_seen(self, owner: str, motion: SimpleNamespace) -> SimpleNamespace:
-        """Apply the effects that change the motion seen by all effects."""
-        seen = SimpleNamespace(**vars(motion))
-        for e in self.effects:
-            e.motion(e.symbols(owner), seen)
-        return seen
-
-    def own_states(self, owner: str, motion: SimpleNamespace) -> dict[Signal, sp.Expr]:
-        """Return the states that effects add to the motion, with their derivatives.
-
-        Parameters
-        ----------
-        owner, motion
-            As of :meth:`accelerations`.
-        """
-        seen = self._motion_seen(owner, motion)
-        return {k: d for e in self.effects for k, d in e.states(e.symbols(owner), seen).items()}
-
-    def _command_way(
-        self, owner: str, motion: SimpleNamespace
-    ) -> tuple[dict[Signal, sp.Expr], SimpleNamespace]:
-        """Apply the input effects to the commands; return the derivatives of their states, and the commands.
-
-        The result is kept, because SymPy is slow on nested limits and dead zones.
-        """
-        changing = sorted((e for e in self.effects if e.kind() == "input"), key=lambda e: e.order)
-        key = (owner, self.thrust, self.rudder, self._fans_alike(), *(type(e) for e in changing))
-        if key not in _WAYS:
-            if len(_WAYS) > 500:
-                _WAYS.clear()
-            sent = {f.name: f.command().symbol for f in self.fans} or {THRUST.name: motion.thrust}
-            way = SimpleNamespace(
-                thrusts=sent,
-                rudder=motion.rudder,
-                inputs=dict(motion.inputs),
-                time=time,
-                units=self.input_units(),
-                delay=None,
-            )
-            states: dict[Signal, sp.Expr] = {}
-            for e in (e for e in changing if e.before_curve):
-                states |= e.commands(e.symbols(owner), way)
-            way.thrusts |= {f.name: f.force(owner, way.thrusts[f.name]) for f in self.fans}
-            way.units |= {f.name: "N" for f in self.fans}
-            for e in (e for e in changing if not e.before_curve):
-                states |= e.commands(e.symbols(owner), way)
-            _WAYS[key] = states, way
-        states, way = _WAYS[key]
-        motion.thrust, motion.rudder = way.thrusts.get(THRUST.name, motion.thrust), way.rudder
-        _add_forces(motion, self.fans, owner, way.thrusts)
-        return dict(states), way
-
-    def _seen(self, owner: str) -> SimpleNamespace:
-        """Apply the measurement effects to the motion."""
-        symbols = {signal.name: signal.symbol for signal in MOTION}
-        seen = SimpleNamespace(**symbols, true=SimpleNamespace(**symbols), late=None)
-        for e in sorted(self.effects, key=lambda e: e.order):
-            e.measured(e.symbols(owner), seen)
-        return seen
-
     def measurements(self, owner: str = "plant") -> dict[str, sp.Expr]:
         """Return the measured quantities that differ from the motion, by ``u, v, r``...
 
@@ -374,7 +258,7 @@ class Model(EffectModel):
         owner : str, optional
             Name of the Block.
         """
-        seen = self._seen(owner)
+        seen = measured_motion(self.effects, owner)
         every = {s.name: getattr(seen, s.name) for s in MOTION}
         return {name: e for name, e in every.items() if e != getattr(seen.true, name)}
 
@@ -390,9 +274,8 @@ class Model(EffectModel):
             Name of the Block.
         """
         s = motion_symbols(self.fans, owner)
-        delay = self._command_way(owner, s)[1].delay
-        seen = self._seen(owner)
-        return str(delay or ""), str(seen.late or "")
+        _, sent = apply_to_commands(self.effects, self.fans, self.input_units(), owner, s)
+        return str(sent.delay or ""), str(measured_motion(self.effects, owner).late or "")
 
     def plant(
         self,
@@ -434,9 +317,9 @@ class Model(EffectModel):
         s = motion_symbols(self.fans, name)
         limit = rate_limit(name, fastest)
         s.fastest = limit.symbol if limit else None
-        lags, _ = self._command_way(name, s)
-        force = self.accelerations(name, s)
-        states = lags | self.own_states(name, s)
+        lags, _ = apply_to_commands(self.effects, self.fans, self.input_units(), name, s)
+        force = accelerations(self.effects, name, s)
+        states = lags | own_states(self.effects, name, s)
         used = set().union(*(f.free_symbols for f in (*force.values(), *states.values())))
         limits = (limit,) if limit and limit.symbol in used else ()
         changed = self.measurements(name)
@@ -462,47 +345,3 @@ class Model(EffectModel):
             },
         )
         return saturated(block) if (self.limited if limited is None else limited) else block
-
-
-def craft_units(thrust: str, rudder: str, fans: bool) -> dict[str, str]:
-    """Return the unit of each signal of a craft that a law may use.
-
-    Examples
-    --------
-    >>> craft_units("N", "rad", fans=False)["r"], craft_units("N", "rad", fans=True)["fan_torque"]
-    ('rad/s', 'N*m')
-    """
-    commands = (
-        {"fan_x": "N", "fan_y": "N", "fan_torque": "N*m"} if fans else {"thrust": thrust, "rudder": rudder}
-    )
-    return {s.name: s.unit for s in MOTION} | commands | {"time": "s"}
-
-
-def motion_symbols(fans: Iterable[Fan] = (), owner: str = "plant") -> SimpleNamespace:
-    """Return the symbols of the effects' equations: motion, commands, and the fans' wrench."""
-    symbols: dict[str, Any] = {signal.name: signal.symbol for signal in (*MOTION, THRUST, RUDDER)}
-    s = SimpleNamespace(**symbols, time=time)
-    s.air_u, s.air_v = s.u, s.v
-    s.inputs = {c.name: c.symbol for c in (THRUST, RUDDER, *(f.command() for f in fans))}
-    _add_forces(s, fans, owner, {f.name: f.force(owner) for f in fans})
-    return s
-
-
-def _add_forces(s: SimpleNamespace, fans: Iterable[Fan], owner: str, forces: Mapping[str, sp.Expr]) -> None:
-    """Set the force vector of the rudder craft's commands, and the wrench of the fans' forces."""
-    s.thrusts = dict(forces) or {THRUST.name: s.thrust}
-    s.thrust_x = s.thrust * sp.cos(s.rudder)
-    s.thrust_y = s.thrust * sp.sin(s.rudder)
-    s.fan_x = s.fan_y = s.fan_torque = s.fan_cross_torque = sp.S.Zero
-    for fan in fans:
-        force = forces[fan.name]
-        s.fan_x += _exact(math.cos(fan.direction)) * force
-        s.fan_y += _exact(math.sin(fan.direction)) * force
-        s.fan_torque += fan.lever_arm(owner).symbol * force
-        s.fan_cross_torque += fan.cross_arm(owner).symbol * force
-
-
-def _exact(value: float) -> sp.Number:
-    """Return 0 or +-1 for a fan along an axis: with six digits, the cosine is 1 to twelve."""
-    near = round(value)
-    return sp.Integer(near) if abs(value - near) < (1e-12 if near else 1e-6) else sp.Float(value)

@@ -40,7 +40,8 @@ from hovercontrol.errors import InputError, shown
 from hovercontrol.io.files import write_atomically
 from hovercontrol.io.tables import check_keys, number, read_toml, table, text
 from hovercontrol.models.fans import BenchCurve, Fan, Polynomial
-from hovercontrol.models.model import RUDDER, THRUST, Model
+from hovercontrol.models.model import Model
+from hovercontrol.models.motion import RUDDER, THRUST
 
 
 @checked

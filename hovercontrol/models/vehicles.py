@@ -15,7 +15,8 @@ from hovercontrol.effects import Effect, effect
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.io.tables import positive
 from hovercontrol.models.fans import Fan
-from hovercontrol.models.model import RUDDER, THRUST, Model
+from hovercontrol.models.model import Model
+from hovercontrol.models.motion import RUDDER, THRUST
 
 
 @dataclass(frozen=True)

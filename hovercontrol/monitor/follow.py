@@ -12,7 +12,7 @@ from typing import Any, TextIO
 from hovercontrol.core.block import Block
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.io.plain_json import plain
-from hovercontrol.logs.column_units import column_of, factor_to_si
+from hovercontrol.logs.column_units import column_of, conversion_to_si
 from hovercontrol.logs.readers.dialect import without_units
 from hovercontrol.monitor.alarms import Alarms
 from hovercontrol.monitor.feed import Feed, Tick
@@ -53,7 +53,7 @@ class Rows:
     ) -> None:
         self._names, self._columns, self._units = ["time", *names], columns, {"time": "s", **units}
         self._source, self.bad = source, 0
-        self._places: dict[str, tuple[int, float]] = {}
+        self._places: dict[str, tuple[int, float, float]] = {}
         self._begun = False
 
     def row(self, line: str) -> tuple[float, dict[str, float]] | None:
@@ -66,10 +66,10 @@ class Rows:
             return None
         cells = line.split(self._separator)
         found = {}
-        for name, (place, factor) in self._places.items():
+        for name, (place, factor, offset) in self._places.items():
             try:
                 cell = cells[place] if self._separator == "," else cells[place].replace(",", ".")
-                found[name] = factor * float(cell)
+                found[name] = factor * float(cell) + offset
             except (ValueError, IndexError):
                 found[name] = math.nan
         when = found.pop("time")
@@ -95,8 +95,8 @@ class Rows:
                     f"{did_you_mean(column, header)}"
                 )
             unit = unit or units.get(column, "")
-            factor = factor_to_si(name, unit, self._units.get(name, "")) if unit else 1.0
-            self._places[name] = (header.index(column), factor)
+            linear = conversion_to_si(name, unit, self._units.get(name, "")) if unit else (1.0, 0.0)
+            self._places[name] = (header.index(column), *linear)
 
 
 def lines_of(stream: TextIO) -> Iterator[str]:

@@ -11,7 +11,8 @@ import numpy as np
 from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
 from hovercontrol.logs.log import Log
-from hovercontrol.models.model import RUDDER, Model
+from hovercontrol.models.model import Model
+from hovercontrol.models.motion import RUDDER
 from hovercontrol.scenarios.checks import MAX_ROWS
 from hovercontrol.scenarios.definition import Phase, Scenario
 

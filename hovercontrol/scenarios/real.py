@@ -14,7 +14,7 @@ from hovercontrol.autopilot.loop import autopilot_parts
 from hovercontrol.core.block import Block
 from hovercontrol.core.interconnect import interconnect
 from hovercontrol.hardware.actuators import actuators, pitch_lookup, pitch_servo, pitch_thrust
-from hovercontrol.models.model import MOTION
+from hovercontrol.models.motion import MOTION
 from hovercontrol.scenarios.definition import Phase, Scenario
 from hovercontrol.scenarios.parts import phase_parameters
 from hovercontrol.scenarios.phases import through_phases

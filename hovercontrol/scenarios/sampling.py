@@ -21,7 +21,7 @@ from hovercontrol.core.interconnect import interconnect, rename
 from hovercontrol.core.signals import Signal
 from hovercontrol.hardware.links import constant_delay
 from hovercontrol.hardware.sensors import mocap, noisy_motion, poor_view
-from hovercontrol.models.model import MOTION
+from hovercontrol.models.motion import MOTION
 from hovercontrol.scenarios.definition import Sampling, Scenario
 from hovercontrol.scenarios.parts import phase_parameters
 from hovercontrol.scenarios.phases import through_phases

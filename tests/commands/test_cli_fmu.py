@@ -64,7 +64,7 @@ def test_check_says_which_parameters_a_log_tells(call, folder, tmp_path):
 
 def test_check_tries_the_parameters_that_are_asked_for(folder):
     plant = hc.fmu_plant(folder / "motor.fmu", ["motor.drag", "motor.gain"], isolated=False)
-    found = hc.check([hc.read_log(folder / "run.csv")], plant)
+    found = hc.check(plant, [hc.read_log(folder / "run.csv")])
     assert [c.name for c in found.coefficients] == ["motor.drag", "motor.gain"] and not found.negative
     plant.close()
 

@@ -47,7 +47,7 @@ def folder(tmp_path_factory):
     return path
 
 
-OPTIONS = ["--fit", "sound.csv", "--model", "cart.py:CART", "--candidates", "c,v_bias"]
+OPTIONS = ["--sound", "sound.csv", "--model", "cart.py:CART", "--candidates", "c,v_bias"]
 
 
 @pytest.mark.slow
@@ -118,7 +118,7 @@ def test_a_growing_file_is_followed_until_ctrl_c(folder, tmp_path):
     ("words", "said"),
     [
         ([], "monitor: expected a log"),
-        (["drag.csv", "--follow", "--model", "cart.py:CART"], "--follow needs --fit LOG"),
+        (["drag.csv", "--follow", "--model", "cart.py:CART"], "--follow needs --sound LOG"),
         (["-", *OPTIONS], "- is standard input: add --follow"),
         (["nope.csv", "--follow", *OPTIONS], "nope.csv: no such file"),
         (["drag.csv", *OPTIONS, "--follow", "--out", "o"], "--follow prints JSON lines: no --out"),
@@ -138,5 +138,5 @@ def test_wrong_input_is_one_line(call, folder, words, said):
 
 def test_help_has_an_example(call, folder):
     done = call("monitor", "--help", cwd=folder)
-    assert "Example: hovercontrol monitor today.csv --fit sound.csv" in done.stdout
+    assert "Example: hovercontrol monitor today.csv --sound sound.csv" in done.stdout
     assert "--follow" in done.stdout

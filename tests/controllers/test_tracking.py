@@ -15,7 +15,8 @@ from hovercontrol.core.interconnect import interconnect
 from hovercontrol.effects import Coefficient, Effect, effect
 from hovercontrol.errors import InputError
 from hovercontrol.models.actuated import actuated
-from hovercontrol.models.model import RUDDER, THRUST, Model
+from hovercontrol.models.model import Model
+from hovercontrol.models.motion import RUDDER, THRUST
 from hovercontrol.models.vehicles import c17_experiment, c17_simulation, four_fan, hoverdemon
 from hovercontrol.simulation.trajectory import simulate
 from hovercontrol.targets import library

@@ -10,6 +10,7 @@ from hovercontrol.core.units import (
     DIMENSIONLESS,
     DimensionChecker,
     UnitError,
+    conversion,
     conversion_factor,
     dimension,
     is_plain_si,
@@ -52,6 +53,26 @@ def test_degrees_are_converted_and_metres_are_not_seconds():
     assert conversion_factor("deg/s", "rad/s") == pytest.approx(0.017453292519943295)
     with pytest.raises(UnitError, match=r"'m'.*'s'"):
         conversion_factor("s", "m")
+
+
+def test_a_number_beside_a_quantity_should_be_a_parameter():
+    said = r"'u - 9.81': .*'-9.81' is in 1.*; give the number as a parameter with a unit"
+    with pytest.raises(UnitError, match=said):
+        of(U - 9.81)
+
+
+@pytest.mark.parametrize(("unit", "here", "kelvin"), [("degC", 40.0, 313.15), ("degF", 32.0, 273.15)])
+def test_temperatures_have_another_zero(unit, here, kelvin):
+    factor, offset = conversion(unit, "K")
+    assert factor * here + offset == pytest.approx(kelvin, rel=1e-14)
+    with pytest.raises(UnitError, match=r"'K', found '.*', which has another zero"):
+        conversion_factor(unit, "K")
+
+
+@pytest.mark.parametrize(("unit", "target"), [("dB", "1"), ("degC/s", "K/s")])
+def test_what_no_factor_converts_is_refused(unit, target):
+    with pytest.raises(UnitError, match="another scale"):
+        conversion(unit, target)
 
 
 @pytest.mark.parametrize(

@@ -5,10 +5,10 @@ import pytest
 
 from hovercontrol.core.block import Block
 from hovercontrol.core.signals import Signal
-from hovercontrol.discrepancy.checks import check_fitted, check_logs
+from hovercontrol.discrepancy.checks import check_fitted, check_logs, slow_rows
 from hovercontrol.discrepancy.checks.clocks import command_drift
 from hovercontrol.discrepancy.checks.excitation import check_excitation, predicts_nothing
-from hovercontrol.discrepancy.checks.logs import time_constant
+from hovercontrol.discrepancy.checks.timing import time_constant
 from hovercontrol.discrepancy.checks.units import refuse_units
 from hovercontrol.discrepancy.diagnose import diagnose
 from hovercontrol.discrepancy.search.base import base_fit
@@ -330,3 +330,15 @@ def test_another_machine_may_be_slow():
     rng = np.random.default_rng(0)
     log = Log("slow", 4.0 * np.arange(200), {"h": 5.0 + rng.normal(size=200), "pump": rng.normal(size=200)})
     assert not any("is its time in seconds" in line for line in check_logs(tank, [log]))
+    assert not slow_rows(tank, log)
+    said = "slow: rows are 4 s apart, all motion of the model is over in 0.31 s: is the unit of time wrong"
+    assert slow_rows(tank.with_coefficients({"k": 10.0}), log)[0].startswith(said)
+
+
+def test_what_integrates_is_never_too_slow():
+    x, v, u, c = Signal("x", "m"), Signal("v", "m/s"), Signal("u", "m/s^2"), Signal("c", "1/s", start=20.0)
+    cart = BlockModel(
+        Block("cart", [x, v], [u], [x], [c], {"x": v.symbol, "v": u.symbol - c.symbol * v.symbol})
+    )
+    t = 4.0 * np.arange(200)
+    assert not slow_rows(cart, Log("slow", t, {"x": np.sin(t), "u": np.cos(t)}))

@@ -8,7 +8,7 @@ from hovercontrol.errors import InputError
 
 from .generator import Conditions, make, mild, outside
 
-SHORT = Conditions(duration=25.0)
+SHORT = Conditions(duration=15.0)
 
 
 def named(found):
@@ -87,7 +87,7 @@ def test_measurements_ahead_of_the_commands_are_a_clock():
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["oscillator", "patch"])
 def test_what_no_effect_says_is_not_named(kind):
-    case = outside(1, kind, Conditions(duration=40.0))
+    case = outside(1, kind, Conditions(duration=24.0))
     found = diagnose(case.model, case.logs)
     assert found.verdict == "unexplained"
     assert found.effects == () and any(r.there for r in found.remainders)
@@ -96,7 +96,7 @@ def test_what_no_effect_says_is_not_named(kind):
 @pytest.mark.slow
 def test_a_craft_that_grows_lighter_has_a_thrust_that_grows_with_time():
     # u' = r v + F/(1 + a t), F = c7 T - drag: about F (1 - a t), so the law -a c7 t T, less what drag grows
-    case = outside(1, "mass", Conditions(duration=40.0))
+    case = outside(1, "mass", Conditions(duration=24.0))
     found = diagnose(case.model, case.logs)
     assert (found.verdict, named(found)) == ("partial", ["law_u__time__thrust"])
     lighter = 0.0050140524 * case.model.coefficients()["thrust"]
@@ -139,7 +139,7 @@ def test_faulty_logs_say_what_clean_ones_say():
 
 @pytest.mark.slow
 def test_mild_laps_name_an_effect_too():
-    case = make(16, ["munk_moment"], Conditions(duration=40.0, commands=mild))
+    case = make(16, ["munk_moment"], Conditions(duration=24.0, commands=mild))
     assert named(diagnose(case.model, case.logs)) == ["munk_moment"]
 
 

@@ -47,5 +47,5 @@ def results(logs):
         "identified": study.found,
         "free run": study.judged[0].run,
         "diagnosis": diagnose(CRAFT, logs[:1], logs[1], names=["slope"]),
-        "check": check(logs[:1], CRAFT),
+        "check": check(CRAFT, logs[:1]),
     }

@@ -332,8 +332,9 @@ def test_wrong_arguments_end_in_one_line(plants, options, line, tmp_path):
 @pytest.mark.slow
 def test_libraries_for_other_systems_are_built(tmp_path):
     pytest.importorskip("ziglang")
-    inner = spring().to_fmu(tmp_path / "p.fmu", platforms="all")
-    path = corrected_fmu(inner, tmp_path / "c.fmu", before=lagged(), platforms="all")
+    others = "x86_64-windows,aarch64-darwin,aarch64-linux"  # one of each format
+    inner = spring().to_fmu(tmp_path / "p.fmu", platforms=others)
+    path = corrected_fmu(inner, tmp_path / "c.fmu", before=lagged(), platforms="all")  # that it has
     names = zipfile.ZipFile(path).namelist()
     for suffix, folder in (
         (".dll", "x86_64-windows"),

@@ -67,7 +67,7 @@ def test_block_and_blockmodel_are_the_same_call():
     # equal but for rounding: sums of BLAS depend on where an array lies in memory
     assert other.block.default_parameters == pytest.approx(found.block.default_parameters, rel=1e-9)
     assert other.block.derivatives == found.block.derivatives
-    mine, others = (hc.check([log], model).coefficients for model in (CART, MODEL))
+    mine, others = (hc.check(model, [log]).coefficients for model in (CART, MODEL))
     assert [(row.name, row.unit) for row in mine] == [(row.name, row.unit) for row in others]
     assert [row.value for row in mine] == pytest.approx([row.value for row in others], rel=1e-9)
 

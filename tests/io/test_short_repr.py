@@ -81,7 +81,7 @@ PLANT = hc.vehicle("c17_simulation").plant()
         (sweep, ["SweepResult: 40 runs, 0 failed", "plant.yaw_coulomb [rad/s^2] [40 from 0.5 to 1]"]),
         (lambda: sweep()["u"], ["Figures(", "rms=[40 from"]),
         (region, ["'stable gains'", "k1", "[31 from 0 to 3]", "rate: [21 x 31 from 0 to 650]", "3 % true"]),
-        (lambda: hc.check([log()]), ["Checked: 1 logs, 0 errors", "checked.text()"]),
+        (lambda: hc.check(None, [log()]), ["Checked: 1 logs, 0 errors", "checked.text()"]),
         (study, ["Study of 2 logs: a.csv, b.csv (held out)", "the table"]),
         (estimator, ["SampledEstimator of thrust, rudder_torque, every 0.02 s, from u, v, r"]),
         (log, ["Log 'demo': 900 rows from 0 to 899 s", "x, y, psi, thrust"]),

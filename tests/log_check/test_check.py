@@ -6,7 +6,9 @@ import sys
 
 import numpy as np
 import pytest
+import sympy as sp
 
+import hovercontrol as hc
 from hovercontrol import cli, vehicle
 from hovercontrol.log_check import check, facts
 from hovercontrol.logs import Log
@@ -38,7 +40,7 @@ def log():
 
 @pytest.fixture(scope="module")
 def checked(log):
-    return check([log], CRAFT)
+    return check(CRAFT, [log])
 
 
 def test_a_good_log_is_good_and_shows_its_coefficients(checked):
@@ -46,6 +48,20 @@ def test_a_good_log_is_good_and_shows_its_coefficients(checked):
     assert {c.name for c in checked.coefficients} == set(CRAFT.linear_coefficients())
     thrust = next(c for c in checked.coefficients if c.name == "thrust")
     assert abs(thrust.value - 0.75) < 4 * thrust.std < 0.05
+
+
+def test_times_in_another_unit_end_before_the_trial_fit():
+    q, w, torque = hc.Signal("q", "rad"), hc.Signal("w", "rad/s"), hc.Signal("torque", "rad/s^2")
+    k, g = hc.Signal("k", "1/s", start=0.1), hc.Signal("g", "1/s^2", start=19.0)
+    swing = torque.symbol - g.symbol * sp.sin(q.symbol) - k.symbol * w.symbol
+    pendulum = hc.Block("pendulum", [q, w], [torque], [q], [k, g], {"q": w.symbol, "w": swing})
+    t = 0.01 * np.arange(2500)
+    log = Log("swing", 1e3 * t, {"q": np.sin(4.0 * t), "torque": np.cos(3.0 * t)})
+    found = check(hc.BlockModel(pendulum), [log])
+    # |s|^2 = 19 cos 1 for both, |s| = 3.2/s, so that pi/|s| = 0.98 s
+    said = "swing: rows are 10 s apart, all motion of the model is over in 0.98 s: is the unit of time wrong"
+    assert [line.partition(" (--")[0] for line in found.errors] == [said] and found.negative
+    assert found.coefficients == ()
 
 
 def test_rate_noise_and_commands_are_those_of_the_log(checked):
@@ -86,7 +102,7 @@ def test_what_is_put_into_a_log_is_found(log):
 )
 def test_wrong_units_are_findings_and_no_exceptions(log, change, line):
     wrong = Log("wrong.csv", log.time, {**log.columns, **change(log.columns)})
-    found = check([wrong], CRAFT)
+    found = check(CRAFT, [wrong])
     assert found.negative and len(found.errors) == 1
     assert re.search(line, found.errors[0]), found.errors
     assert found.coefficients == () and len(found.logs) == 1
@@ -94,14 +110,14 @@ def test_wrong_units_are_findings_and_no_exceptions(log, change, line):
 
 
 def test_what_the_commands_do_not_excite_is_told():
-    found = check([driven(8.0, rudder=0.0)], CRAFT)
+    found = check(CRAFT, [driven(8.0, rudder=0.0)])
     hidden = {c.name for c in found.coefficients if not c.excited}
     assert {"rudder_torque", "yaw_linear_drag"} <= hidden and "thrust" not in hidden
     assert found.negative and "no: nothing measured depends on it" in found.text()
 
 
 def test_a_log_given_twice_is_an_error(log):
-    found = check([log, Log("again.csv", log.time, log.columns)], CRAFT)
+    found = check(CRAFT, [log, Log("again.csv", log.time, log.columns)])
     assert "again.csv" in found.errors[0]
 
 
@@ -171,14 +187,14 @@ def test_the_picture_of_a_long_log_is_small(tmp_path):
     rng = np.random.default_rng(0)
     jitter = 1e-3 * rng.uniform(size=t.size)
     pose = {"x": np.sin(t) + 1e-3 * rng.normal(size=t.size), "y": np.cos(t), "psi": 0.1 * t}
-    check([Log("long.csv", t + jitter, pose)]).save(tmp_path)
+    check(None, [Log("long.csv", t + jitter, pose)]).save(tmp_path)
     assert (tmp_path / "check.svg").stat().st_size < 2_000_000  # each stamp takes 80 bytes
 
 
 def test_spans_are_shaded_as_one():
     t = 0.02 * np.arange(20_000)
     t = t + 0.5 * np.repeat(np.arange(200), 100)  # 199 gaps
-    axes = check([Log("gaps.csv", t, {"r": np.sin(t)})]).plot().axes
+    axes = check(None, [Log("gaps.csv", t, {"r": np.sin(t)})]).plot().axes
     assert all(len(a.patches) < 10 for a in axes) and any(len(a.collections) for a in axes)
 
 

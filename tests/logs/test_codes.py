@@ -55,8 +55,8 @@ def test_logs_made_in_python_are_looked_at_too():
     line = f"run.csv: column 'psi': -999 in {LOST.sum()} rows, the first at 3.02 s, looks"
     with pytest.raises(InputError, match=line):
         identify(c17_experiment(), [log])
-    assert [e.startswith(line) for e in check([log], c17_experiment()).errors] == [True]
-    assert [w.startswith(line) for w in check([log]).warnings] == [True]
+    assert [e.startswith(line) for e in check(c17_experiment(), [log]).errors] == [True]
+    assert [w.startswith(line) for w in check(None, [log]).warnings] == [True]
 
 
 def test_any_number_that_repeats_far_outside_a_pose_is_one():

@@ -73,7 +73,7 @@ def test_the_coefficients_are_those_of_the_craft(rows):
 
 def test_a_check_tells_it_and_is_no_error():
     for model in (None, c17_experiment()):
-        found = check([holding(every(2))], model)
+        found = check(model, [holding(every(2))])
         assert not found.errors
         assert [w for w in found.warnings if "repeat" in w] == [
             "run.csv: 500 of 1,000 rows repeat the pose above (measured at about 25 Hz): dropped"

@@ -34,10 +34,10 @@ def test_lost_samples_are_told_and_change_little():
     for one, other in zip(found.coefficients, whole.coefficients, strict=True):
         assert one.value == pytest.approx(other.value, abs=other.std)
     assert line in check_logs(c17_experiment(), [log])
-    told = check([log], c17_experiment())
+    told = check(c17_experiment(), [log])
     assert line in told.warnings and not told.errors
     assert [c.missing for c in told.logs[0].columns] == [6, 6, 6, 0, 0]
-    assert "missing" in told.text() and "missing" not in check([LOG]).text()
+    assert "missing" in told.text() and "missing" not in check(None, [LOG]).text()
 
 
 def test_blank_commands_hold():
@@ -88,7 +88,7 @@ def test_an_empty_column_is_refused(name):
     for work in (lambda: identify(c17_experiment(), [log]), lambda: check_logs(c17_experiment(), [log])):
         with pytest.raises(InputError, match=line):
             work()
-    assert line in check([log], c17_experiment()).errors
+    assert line in check(c17_experiment(), [log]).errors
 
 
 def test_rows_for_a_command_alone_are_no_missing_samples():

@@ -327,3 +327,11 @@ def test_more_than_a_gibibyte_of_numbers_is_refused_with_the_estimate(tmp_path: 
     text = error_of(path)
     assert "found about" in text
     assert "rows of 4 columns" in text
+
+
+def test_temperatures_in_degrees_celsius_are_read_in_kelvin(tmp_path):
+    (tmp_path / "tank.csv").write_text("time,water [°C],inlet [l/min],room\n0,20.5,6,15\n1,-3,12,15\n")
+    log = read_log(tmp_path / "tank.csv", {"room": "room:degC"}, {"inlet": "m^3/s"})
+    assert list(log["water"]) == pytest.approx([293.65, 270.15])
+    assert list(log["room"]) == pytest.approx([288.15, 288.15])
+    assert list(log["inlet"]) == pytest.approx([1e-4, 2e-4])

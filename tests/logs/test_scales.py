@@ -43,7 +43,7 @@ def test_identify_refuses_it_in_one_line(sound, factors, said):
 
 @CLUMSY
 def test_check_says_it(sound, factors, said):
-    assert said.partition(".*")[0] in check([scaled(sound, **factors)]).text()
+    assert said.partition(".*")[0] in check(None, [scaled(sound, **factors)]).text()
 
 
 def test_a_sound_log_and_a_heading_that_is_wrapped_pass(sound):

@@ -51,6 +51,14 @@ def test_a_tool_of_a_user_is_scored_and_a_stopped_run_goes_on(tmp_path, tool, ca
     assert [f.stat().st_mtime_ns for f in kept] == before
 
 
+def test_one_case_is_scored_alone(tmp_path, tool, capsys):
+    out, one = tmp_path / "out", benchmark_names()[2]
+    assert benchmark(out=out, case=one, tool=f"{tool}:guess", jobs=1) == 0
+    result = json.loads((out / "result.json").read_text())
+    assert [(r["case"], r["tool"]) for r in result["cases"]] == [(one, f"{tool}:guess")]
+    assert not (tmp_path / "out.answer").exists()
+
+
 def test_blind_logs_have_neutral_names_and_answers_apart(tmp_path):
     out = tmp_path / "blind"
     assert benchmark(out=out, blind="secret", logs_only=True, first=1) == 0
@@ -66,6 +74,8 @@ def test_blind_logs_have_neutral_names_and_answers_apart(tmp_path):
         ({"edition": "smal"}, "expected small or full, found 'smal'"),
         ({"tool": "sindi"}, "did you mean 'sindy'"),
         ({"case": "ship.nothing"}, "expected MACHINE.WHAT.CONDITION.SEED"),
+        ({"case": "ship.nothing", "tool": "arx"}, "expected MACHINE.WHAT.CONDITION.SEED"),
+        ({"logs_only": True, "tool": "arx"}, "--logs runs no tool"),
     ],
 )
 def test_wrong_input_ends_in_one_line(options, message, tmp_path):

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from hovercontrol.core.units import UnitError, dimension
 from hovercontrol.effects import effect, effect_names
 from hovercontrol.errors import InputError
-from hovercontrol.models.model import RUDDER, THRUST, Fan, Model
+from hovercontrol.models.model import Fan, Model
+from hovercontrol.models.motion import RUDDER, THRUST
 from hovercontrol.models.vehicles import c17_experiment, c17_simulation, four_fan, hoverdemon
 from hovercontrol.simulation.trajectory import simulate
 

@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 from hovercontrol.effects import effect, effect_class, effect_names
 from hovercontrol.errors import InputError
 from hovercontrol.models.fans import BenchCurve, Polynomial
-from hovercontrol.models.model import RUDDER, THRUST, Fan, Model
+from hovercontrol.models.model import Fan, Model
 from hovercontrol.models.modelfile import load_model, model_from_table, model_text, save_model
+from hovercontrol.models.motion import RUDDER, THRUST
 from hovercontrol.models.vehicles import VEHICLES, vehicle
 
 FAN = "[fans]\nleft = {x = 0, y = 0, direction = 0, "

@@ -10,7 +10,7 @@ from hovercontrol.core.boundary import checked
 from hovercontrol.core.interconnect import interconnect
 from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
-from hovercontrol.models.model import RUDDER, THRUST
+from hovercontrol.models.motion import RUDDER, THRUST
 
 
 @checked

@@ -24,7 +24,7 @@ from hovercontrol.core.boundary import checked
 from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
 from hovercontrol.io.tables import positive
-from hovercontrol.models.model import MOTION
+from hovercontrol.models.motion import MOTION
 from hovercontrol.models.vehicles import HOVERDEMON_BODY, Body
 
 HEADING_REF = Signal("heading_ref", "rad", "heading reference, not wrapped")

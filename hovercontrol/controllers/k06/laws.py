@@ -15,7 +15,7 @@ from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.core.signals import Signal
 from hovercontrol.io.tables import positive
-from hovercontrol.models.model import MOTION
+from hovercontrol.models.motion import MOTION
 from hovercontrol.models.vehicles import HOVERDEMON_BODY, Body
 
 FORCE_X = Signal("force_x", "N", "commanded force along the bow")

@@ -15,7 +15,7 @@ from hovercontrol.core.interconnect import interconnect
 from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
 from hovercontrol.io.tables import positive
-from hovercontrol.models.model import MOTION
+from hovercontrol.models.motion import MOTION
 from hovercontrol.models.vehicles import HOVERDEMON_BODY, Body
 
 #: The goal: where the pose controller takes the craft.

@@ -2,5 +2,6 @@
 
 from hovercontrol.discrepancy.checks.excitation import check_fitted
 from hovercontrol.discrepancy.checks.logs import as_logs, check_logs
+from hovercontrol.discrepancy.checks.timing import slow_rows
 
-__all__ = ["as_logs", "check_fitted", "check_logs"]
+__all__ = ["as_logs", "check_fitted", "check_logs", "slow_rows"]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,17 +11,21 @@ from numpy.typing import NDArray
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.discrepancy.checks.clocks import check_clocks
+from hovercontrol.discrepancy.checks.timing import (
+    check_length,
+    refuse_other_pace,
+    slow_rows,
+    time_constant,
+)
 from hovercontrol.discrepancy.checks.units import refuse_units
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.estimation.measure import steps
-from hovercontrol.estimation.rows import BLOCKING
 from hovercontrol.estimation.subject import Subject, structure
 from hovercontrol.logs import Log
 from hovercontrol.logs.check import check_heading
 from hovercontrol.logs.codes import code_faults
 from hovercontrol.logs.duplicates import refuse_duplicates
 from hovercontrol.logs.frames import check_frame
-from hovercontrol.logs.log import gap_rows
 from hovercontrol.logs.prepare import prepared
 from hovercontrol.logs.scales import scale_faults
 
@@ -37,11 +40,6 @@ class LogCriteria:
 
     Attributes
     ----------
-    short : float
-        Length of the longest interval without a gap, relative to the model's longest time constant, below
-        which a warning is given: after four time constants a first-order response is within 2 %.
-    few : int
-        The same as a number of rows.
     stuck : float
         Time for which a sensor may be constant while others change [s].
     stuck_rows : int
@@ -54,8 +52,6 @@ class LogCriteria:
         Values below this fraction of the largest do not count as saturation.
     """
 
-    short: float = 4.0
-    few: int = 100
     stuck: float = 0.5
     stuck_rows: int = 10
     cut_off: float = 0.05
@@ -125,7 +121,7 @@ def check_logs(model: Subject, logs: Sequence[Log], holdout: Log | Sequence[Log]
     warnings: list[str] = []
     held = as_logs(holdout)
     every = [*logs, *held]
-    _refuse_other_pace(every)
+    refuse_other_pace(every)
     for k, log in enumerate(every):
         _refuse_inputs(block, log)
         channels = _channels(block, log)
@@ -134,7 +130,8 @@ def check_logs(model: Subject, logs: Sequence[Log], holdout: Log | Sequence[Log]
         _refuse_apart(log, channels, inputs)
         log, said = prepared(log, channels, inputs)
         every[k] = log
-        warnings += [*said, *_length(log, time_constant(model), is_craft=model.is_craft)]
+        warnings += [*said, *check_length(log, time_constant(model), is_craft=model.is_craft)]
+        warnings += slow_rows(model, log)
         _refuse_dead(log, channels)
         refuse_units(model, log)
         for fault in scale_faults(log) if model.is_craft else []:
@@ -172,48 +169,6 @@ def _measured(block: Block) -> list[str]:
     return [
         name for name in dict.fromkeys(s.name for s in (*block.outputs, *block.states)) if name not in inputs
     ]
-
-
-def time_constant(model: Subject) -> float:
-    """Return the longest time constant of a model's states at their nominal values [s]; 0 if none decays.
-
-    The time constant of a state x with x' = f is 1/|df/dx|, if df/dx is negative.
-
-    Examples
-    --------
-    >>> from hovercontrol.models.vehicles import c17_simulation
-    >>> round(time_constant(c17_simulation()), 1)
-    2.1
-    """
-    block, values = structure(model), model.coefficients()
-    numbers = {k: values.get(k.rpartition(".")[2], v) for k, v in block.default_parameters.items()}
-    x, u = (np.array([s.nominal for s in signals]) for signals in (block.states, block.inputs))
-    with np.errstate(all="ignore"):
-        slopes = np.diag(block.to_numpy().jacobian(0.0, x, u, numbers))
-    known = slopes[np.isfinite(slopes) & (slopes < 0.0)]
-    return float(1.0 / np.abs(known).min()) if known.size else 0.0
-
-
-def _length(log: Log, longest_constant: float, is_craft: bool) -> list[str]:
-    step = float(np.median(np.diff(log.time))) if len(log) > 1 else 0.0
-    if is_craft and step > 1.0:  # other machines may be slow
-        raise InputError(f"{log.name}: rows are {step:g} s apart: is its time in seconds?")
-    cuts = [gap_rows(part.time) for part in log.each_trial()]
-    parts = [own for part, at in zip(log.each_trial(), cuts, strict=True) for own in np.split(part.time, at)]
-    longest = max(parts, key=len)
-    if longest.size < BLOCKING.fewest:
-        raise InputError(
-            f"{log.name}: too short: the longest stretch without a break has {longest.size} rows, expected "
-            f"{BLOCKING.fewest} or more"
-        )
-    seconds = max(float(own[-1] - own[0]) for own in parts if own.size)
-    said = f"{log.name}: {seconds:.3g} s without a break are short"
-    if seconds < LOG_QUALITY.short * longest_constant:
-        part = f"{seconds / longest_constant:.2g} of the model's longest time constant"
-        return [f"{said}, {part} ({longest_constant:.3g} s): effects may not be found"]
-    if longest.size < LOG_QUALITY.few:
-        return [f"{said}, {longest.size} rows: effects may not be found"]
-    return []
 
 
 def _refuse_dead(log: Log, channels: Sequence[str]) -> None:
@@ -287,14 +242,3 @@ def _cut_off(log: Log, inputs: Sequence[str]) -> list[str]:
                     "rows: saturated? An effect that acts beyond it cannot show"
                 )
     return said
-
-
-def _refuse_other_pace(logs: Sequence[Log]) -> None:
-    """Refuse logs whose row intervals differ by a factor of over 300: their times differ in unit."""
-    paces = [(float(np.median(np.diff(log.time))), log.name) for log in logs if len(log) > 1]
-    for (slow, one), (fast, other) in pairwise(sorted(paces, reverse=True)):
-        if slow > 300.0 * fast:
-            raise InputError(
-                f"{one}: rows are {slow:.3g} s apart, those of {other} {fast:.3g} s: are their times in the "
-                "same unit?"
-            )

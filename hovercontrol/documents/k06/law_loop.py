@@ -21,7 +21,7 @@ from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
 from hovercontrol.hardware.links import bluetooth_delays
 from hovercontrol.io.tables import number
-from hovercontrol.models.model import MOTION
+from hovercontrol.models.motion import MOTION
 from hovercontrol.models.vehicles import HOVERDEMON_BODY, hoverdemon
 from hovercontrol.scenarios import load_scenario
 

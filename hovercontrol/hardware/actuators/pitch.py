@@ -38,7 +38,7 @@ from hovercontrol.hardware.actuators.signals import (
     not_negative,
 )
 from hovercontrol.io.tables import number, positive
-from hovercontrol.models.model import RUDDER, THRUST
+from hovercontrol.models.motion import RUDDER, THRUST
 
 PITCH_COMMAND = Signal("pitch_command", "rad", "wanted pitch of the blades, negative astern", nominal=0.1)
 BLADE_PITCH = Signal("blade_pitch", "rad", "pitch of the blades, negative astern", nominal=0.1)

@@ -31,7 +31,7 @@ from hovercontrol.hardware.actuators.signals import (
     not_negative,
 )
 from hovercontrol.hardware.actuators.tables import FanTable
-from hovercontrol.models.model import RUDDER, THRUST
+from hovercontrol.models.motion import RUDDER, THRUST
 
 _SPEED_UNIT = Signal("speed_unit", "rad/s", "one RPM of the table", start=RPM, nominal=RPM)
 _FORCE_UNIT = Signal("force_unit", "N", "one newton of the table; larger for a stronger fan", start=1.0)

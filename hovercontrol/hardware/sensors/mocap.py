@@ -12,7 +12,7 @@ from hovercontrol.core.random_numbers import random_numbers
 from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
 from hovercontrol.hardware.sensors._parts import offset, rounded, size, tick, turned
-from hovercontrol.models.model import MOTION
+from hovercontrol.models.motion import MOTION
 
 
 @checked

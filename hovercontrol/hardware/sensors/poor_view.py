@@ -13,7 +13,7 @@ from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
 from hovercontrol.hardware.sensors._parts import offset, pair, size, tick
 from hovercontrol.io.tables import number, positive
-from hovercontrol.models.model import MOTION
+from hovercontrol.models.motion import MOTION
 
 
 @checked

@@ -22,6 +22,7 @@ _COMMA = re.compile(r"[-+]?\d*,\d+([eE][-+]?\d+)?")
 _DATE = re.compile(r"\d{4}-\d\d-\d\d.*|\d\d:\d\d:\d\d.*")
 _ONE = (
     r"(?:[numkcMµ]?(?:s|m|rad|g|N|Nm|V|A|W|Hz|Pa|J|bar)"
+    r"|[mcd]?[lL](?=/)"  # litres in a flow: a column (L) is one on the left
     r"|sec|min|h|hr|in|inch|ft|deg|°|degC|°C|K|rpm|RPM|rev|kmh|kph|mph|T|uT|%|1)"
 )
 _UNIT = re.compile(rf"{_ONE}(?:\^?-?\d)?(?:[*/·. ]{_ONE}(?:\^?-?\d)?)*")
@@ -95,6 +96,8 @@ def unit_in_name(name: str) -> tuple[str, str]:
     --------
     >>> unit_in_name("x pos [mm]"), unit_in_name("yaw rate(deg/s)"), unit_in_name("xyz[2]")
     (('x pos', 'mm'), ('yaw rate', 'deg/s'), ('xyz[2]', ''))
+    >>> unit_in_name("inlet [l/min]"), unit_in_name("wheel (L)")
+    (('inlet', 'l/min'), ('wheel (L)', ''))
     """
     found = _NAMED.fullmatch(name)
     if not found or not _is_unit(inside := found[2][1:-1].strip()):

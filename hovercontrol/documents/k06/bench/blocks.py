@@ -21,7 +21,7 @@ from hovercontrol.hardware.sensors import (
     k06_magnetometer,
     two_unit_heading,
 )
-from hovercontrol.models.model import MOTION
+from hovercontrol.models.motion import MOTION
 
 #: The first Cricket unit beside the IMU, the second 8 in nearer to the spin axis [m].
 UNITS = ((0.0, 0.0), (0.0, 8 * 0.0254))

@@ -13,7 +13,7 @@ from hovercontrol.core.random_numbers import random_numbers
 from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
 from hovercontrol.estimators.ins import IMU_PERIOD
-from hovercontrol.models.model import MOTION
+from hovercontrol.models.motion import MOTION
 
 #: The spin axis, in the middle of the beacons [m]; K06 does not print where the bench stood.
 CENTRE = (1.22, 1.22)
