@@ -7,7 +7,6 @@ again without a run; ``--reruns`` runs cases again with a limit doubled and halv
 from __future__ import annotations
 
 import argparse
-import csv
 import math
 import re
 import sys
@@ -15,10 +14,9 @@ from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from multiprocessing import get_context
 from pathlib import Path
-from typing import TypeVar
 from unittest.mock import patch
 
 import numpy as np
@@ -26,11 +24,11 @@ import numpy as np
 from hovercontrol.discrepancy import diagnose
 from hovercontrol.discrepancy.criteria import CRITERIA, Criteria
 from hovercontrol.discrepancy.search.fit import TRIALS
-from tests.discrepancy.table import Planned, case_of, read_rows, reduced
+from tests.discrepancy.kept_rows import append_rows, read_rows
+from tests.discrepancy.table import Planned, case_of, reduced
 
 FEW, MANY, RERUN = 12, 40, 6
 FACTORS = (2.0, 0.5)
-Kind = TypeVar("Kind", "Row", "Rerun")
 
 #: Thresholds of each rule, by the start of its text. Some serve several rules, which then change together.
 BEHIND = {
@@ -226,16 +224,6 @@ def rows() -> Iterator[tuple[str, str, str, bool | None]]:
         yield rule, f"{doubled} doubled, {halved} halved turn of {len(own)}", "", None
 
 
-def keep(path: Path, new: Sequence[Kind]) -> None:
-    """Write rows at the end of a file."""
-    fresh = not path.exists()
-    with path.open("a", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, [f.name for f in fields(new[0])])
-        if fresh:
-            writer.writeheader()
-        writer.writerows(asdict(r) for r in new)
-
-
 def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="benchmarks.criteria", description=__doc__.splitlines()[0])
     parser.add_argument("--all", action="store_true", help=f"{MANY} cases instead of {FEW}")
@@ -250,7 +238,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     with ProcessPoolExecutor(given.jobs, mp_context=get_context("spawn")) as pool:
         for future in as_completed([pool.submit(diagnosed, case) for case in wanted if case not in done]):
             own = future.result()
-            keep(trace, own)
+            append_rows(trace, own)
             print(*own[0].case, own[0].found, file=sys.stderr, flush=True)
         found = [r for r in read_rows(trace, Row) if r.case in wanted]
         todo = to_rerun(found, RERUN) if given.reruns else []
@@ -258,7 +246,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         left = [t for t in todo if (t[0], t[1], t[2][0], "+".join(t[2][1]), t[2][2]) not in had]
         for late in as_completed([pool.submit(again, *t) for t in left]):
             one = late.result()
-            keep(second, [one])
+            append_rows(second, [one])
             print(*asdict(one).values(), file=sys.stderr, flush=True)
     text = table(found, read_rows(second, Rerun))
     (given.out / "criteria.md").write_text(text, encoding="utf-8")

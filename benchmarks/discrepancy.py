@@ -6,19 +6,19 @@
 from __future__ import annotations
 
 import argparse
-import csv
 import os
 import sys
 import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
 
 from tests.discrepancy.imperfect import DISTURBANCES, SUITES, Key, keys
+from tests.discrepancy.kept_rows import append_rows, read_rows
 from tests.discrepancy.score import OUTCOMES, outcome, shares
 
 #: What ``python -m benchmarks`` runs: one case of each suite.
@@ -124,13 +124,6 @@ def _line(text: str, found: Sequence[Row]) -> str:
     return f"{text:22} {len(found):5} {numbers} {np.median(seconds):7.1f}s {max(seconds):6.1f}s"
 
 
-def read(path: Path) -> list[Row]:
-    """Return the rows of a file that an earlier run wrote."""
-    kinds = {f.name: {"str": str, "int": int, "float": float}[str(f.type)] for f in fields(Row)}
-    with path.open(newline="", encoding="utf-8") as file:
-        return [Row(**{k: kinds[k](v) for k, v in line.items()}) for line in csv.DictReader(file)]
-
-
 def rows() -> Iterator[tuple[str, str, str, bool | None]]:
     for row in results(SAMPLE, 1):
         found = f"{row.verdict} {row.named or row.rivals}".strip()
@@ -156,7 +149,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if not wanted:
         parser.error(f"no case of {given.suite} has {given.only!r} in its name")
     asked = {(k.suite, k.name, k.seed) for k in wanted}
-    old = read(given.out) if given.out and given.out.exists() else []
+    old = read_rows(given.out, Row) if given.out else []
     done = {r.key for r in old}
     found = [r for r in old if r.key in asked]
     for row in found:
@@ -166,20 +159,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         found.append(row)
         print(row.line(), flush=True)
         if given.out:
-            append(given.out, row)
+            append_rows(given.out, [row])
     print(f"\n{table(found)}")
     return 0
-
-
-def append(path: Path, row: Row) -> None:
-    """Write a row at the end of a file, which is made where it is not there."""
-    fresh = not path.exists()
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with path.open("a", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, [f.name for f in fields(Row)])
-        if fresh:
-            writer.writeheader()
-        writer.writerow(asdict(row))
 
 
 if __name__ == "__main__":

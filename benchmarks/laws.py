@@ -3,17 +3,17 @@
 Each run has two logs and one held out, process noise and measurement noise, and coefficients up to 3 % off.
 Printed are, with Clopper-Pearson intervals, how often the right form is named (alone, or with rivals that
 are told), how often a false form is named without a rival, and how often the coefficient is within two
-errors.
+errors. With ``--out`` each row is written as its run ends, and a table that was stopped goes on.
 """
 
 from __future__ import annotations
 
 import argparse
-import csv
+import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -22,7 +22,9 @@ import numpy as np
 import hovercontrol as hc
 from hovercontrol.missing_physics.cases import with_rates
 from hovercontrol.missing_physics.machines import pendulum, ship
+from hovercontrol.simulation.reasons import StoppedError
 from tests.discrepancy.generator import Conditions, craft, given, simulated
+from tests.discrepancy.kept_rows import append_rows, read_rows
 
 Random = np.random.Generator
 
@@ -89,9 +91,22 @@ BLOCKS = {
 
 
 def block_case(planted: Planted, seed: int) -> tuple[hc.BlockModel, list[hc.Log], hc.Log, float]:
-    """Return the given model of a machine, two logs, one held out, and the coefficient of the law."""
-    make, dt, n, size, hold, noise, push = BLOCKS[planted.machine]
+    """Return the given model of a machine, two logs, one held out, and the coefficient of the law.
+
+    A machine whose law drives it out of its region of attraction (the simulation stops: a quadratic law
+    escapes in finite time) cannot be flown: coefficients, law and logs are drawn again, from the next
+    numbers of the same seed.
+    """
     rng = np.random.default_rng([seed, 7])
+    while True:
+        try:
+            return _drawn_block_case(planted, rng)
+        except StoppedError:
+            continue
+
+
+def _drawn_block_case(planted: Planted, rng: Random) -> tuple[hc.BlockModel, list[hc.Log], hc.Log, float]:
+    make, dt, n, size, hold, noise, push = BLOCKS[planted.machine]
     model = make()
     truth = model.with_coefficients({k: v * rng.uniform(0.8, 1.25) for k, v in model.coefficients().items()})
     value = _value(planted, rng)
@@ -142,11 +157,17 @@ def case(planted: Planted, seed: int) -> tuple[hc.Model | hc.BlockModel, list[hc
 
 
 def run(planted: Planted, seed: int) -> Row:
-    """Return what comes of one run."""
-    model, logs, holdout, value = case(planted, seed)
-    begin = time.perf_counter()
-    found = hc.diagnose(model, logs, holdout)
-    seconds = time.perf_counter() - begin
+    """Return what comes of one run; an error is an outcome too."""
+    begin, value = time.perf_counter(), float("nan")
+    try:
+        model, logs, holdout, value = case(planted, seed)
+        begin = time.perf_counter()
+        found = hc.diagnose(model, logs, holdout)
+    except Exception as error:  # the other runs go on
+        text = f"crashed: {type(error).__name__}: {error}"
+        seconds = round(time.perf_counter() - begin, 1)
+        return Row(planted.name, seed, "-", "", "", value, float("nan"), float("nan"), seconds, text)
+    seconds = round(time.perf_counter() - begin, 1)
     named = {e.effect: e for e in found.effects}
     rivals = {r.name for r in found.rivals if not r.same}
     own = named.get(planted.law)
@@ -160,15 +181,14 @@ def run(planted: Planted, seed: int) -> Row:
         outcome = "false, told as one of several" if found.verdict == "ambiguous" else "false"
     return Row(
         planted.name, seed, found.verdict, "+".join(named), "+".join(sorted(rivals)), value,
-        own.value if own else float("nan"), own.std if own else float("nan"), round(seconds, 1), outcome,
+        own.value if own else float("nan"), own.std if own else float("nan"), seconds, outcome,
     )  # fmt: skip
 
 
-def results(seeds: range, jobs: int, only: str = "") -> Iterator[Row]:
+def results(todo: Sequence[tuple[Planted, int]], jobs: int) -> Iterator[Row]:
     """Yield the rows of all runs, as they end."""
     with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-        todo = [pool.submit(run, p, s) for s in seeds for p in LAWS if only in p.name]
-        for one in as_completed(todo):
+        for one in as_completed([pool.submit(run, *which) for which in todo]):
             yield one.result()
 
 
@@ -178,17 +198,21 @@ def main(show: Callable[[str], None] = print) -> None:
     parser.add_argument("--first", type=int, default=0, help="the first seed (default: 0)")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--only", default="", help="only laws whose name has this in it")
-    parser.add_argument("--out", type=Path, help="CSV file")
-    given_ = parser.parse_args()
-    rows = []
-    for row in results(range(given_.first, given_.first + given_.seeds), given_.jobs, given_.only):
+    parser.add_argument("--out", type=Path, help="CSV file; runs that are in it are not run again")
+    asked = parser.parse_args()
+    seeds = range(asked.first, asked.first + asked.seeds)
+    wanted = [(p, s) for s in seeds for p in LAWS if asked.only in p.name]
+    names = {(p.name, s) for p, s in wanted}
+    rows = [r for r in read_rows(asked.out, Row) if (r.case, r.seed) in names] if asked.out else []
+    done = {(r.case, r.seed) for r in rows}
+    for row in rows:
+        show(row.line())
+    for row in results([(p, s) for p, s in wanted if (p.name, s) not in done], asked.jobs):
         rows.append(row)
         show(row.line())
-    if given_.out:
-        with given_.out.open("w", newline="") as file:
-            writer = csv.DictWriter(file, list(asdict(rows[0])))
-            writer.writeheader()
-            writer.writerows(asdict(r) for r in rows)
+        sys.stdout.flush()
+        if asked.out:
+            append_rows(asked.out, [row])
     summary(rows, show)
 
 

@@ -118,7 +118,8 @@ class Diagnosis:
         out.
     warnings : tuple of str
     experiment : Experiment or None
-        Next experiment, if one would settle an ambiguous case or reduce a large standard error.
+        Next experiment, if one would settle an ambiguous case, tell apart laws that are the same in these
+        logs, or reduce a large standard error.
     advice : str
         The experiment in one sentence, or why there is none; empty if none is needed.
     trace : tuple of Decision

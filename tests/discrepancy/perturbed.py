@@ -10,7 +10,6 @@ that was stopped goes on where it was.
 from __future__ import annotations
 
 import argparse
-import csv
 import os
 import sys
 import time
@@ -18,7 +17,7 @@ from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +27,8 @@ from hovercontrol.discrepancy import Diagnosis, diagnose
 from hovercontrol.logs import Log
 from hovercontrol.targets.shoot import pool
 
-from .table import Planned, case_of, read_rows, reduced
+from .kept_rows import append_rows, read_rows
+from .table import Planned, case_of, reduced
 
 #: Relative changes of all numbers in the logs, and the number of threads; the first is the reference.
 RUNS = ((0.0, 1), (1e-13, 2), (1e-12, 1), (1e-11, 2), (1e-10, 1), (1e-10, 2))
@@ -162,17 +162,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     rows = [r for r in rows if (r.axis, r.hidden, r.seed) in names]
     todo = [c for c in wanted if (c[0], "+".join(c[1]), c[2]) not in done]
     todo = [case for first in range(4) for case in todo[first::4]]  # stopped early, it has seen every axis
-    fresh = not path.exists()
-    with path.open("a", newline="", encoding="utf-8") as file, ProcessPoolExecutor(given.jobs) as workers:
-        writer = csv.DictWriter(file, [f.name for f in fields(Row)])
-        if fresh:
-            writer.writeheader()
+    with ProcessPoolExecutor(given.jobs) as workers:
         waiting = [workers.submit(run, *case) for case in todo]
         for k, future in enumerate(as_completed(waiting)):
             found = future.result()
             rows += found
-            writer.writerows(asdict(row) for row in found)
-            file.flush()
+            append_rows(path, found)
             worst = max(found, key=lambda r: (bool(r.other), r.deviation))
             note = f"{worst.other or worst.deviation} ({sum(r.seconds for r in found):.0f} s)"
             case = f"{found[0].axis} {found[0].hidden} {found[0].seed}"

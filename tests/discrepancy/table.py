@@ -18,9 +18,8 @@ import time
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,12 +33,12 @@ from hovercontrol.estimation.prior import Prior, prior_of
 from hovercontrol.estimation.problem import Problem
 
 from .generator import OUTSIDE, SIZES, VELOCITY_ONLY, Case, Conditions, make, mild, outside
+from .kept_rows import append_rows, read_rows
 
 #: In every log a delay of the commands is a clock that is late: these two may be named together.
 SAME = {"input_delay", "time_offset"}
 
 Planned = tuple[str, tuple[str, ...], int]  # axis, hidden, seed
-Kind = TypeVar("Kind")
 
 POSE, VELOCITIES = ("x", "y", "psi"), ("u", "v", "r")
 ONE = tuple((name,) for name in SIZES)
@@ -330,15 +329,6 @@ def _count(row: Row) -> int:
     return len([n for n in row.hidden.split("+") if n])
 
 
-def read_rows(path: Path, kind: type[Kind]) -> list[Kind]:
-    """Return the rows of a CSV file as dataclasses of texts and numbers; none where there is no file."""
-    if not path.exists():
-        return []
-    kinds = {f.name: {"str": str, "int": int, "float": float}[str(f.type)] for f in fields(kind)}
-    with path.open(newline="", encoding="utf-8") as file:
-        return [kind(**{k: kinds[k](v) for k, v in line.items()}) for line in csv.DictReader(file)]
-
-
 def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--axes", nargs="+", default=list(AXES), choices=list(AXES), metavar="AXIS")
@@ -358,11 +348,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         names = {(axis, "+".join(hidden), seed) for axis, hidden, seed in few}
         rows = [r for r in rows if (r.axis, r.hidden, r.seed) in names]
     todo = [c for c in wanted if (c[0], "+".join(c[1]), c[2]) not in done]
-    fresh = not path.exists()
-    with path.open("a", newline="", encoding="utf-8") as file, ProcessPoolExecutor(given.jobs) as pool:
-        writer = csv.DictWriter(file, [f.name for f in fields(Row)])
-        if fresh:
-            writer.writeheader()
+    with ProcessPoolExecutor(given.jobs) as pool:
         waiting = {pool.submit(run, *case): case for case in todo}
         for k, future in enumerate(as_completed(waiting)):
             try:
@@ -371,8 +357,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 pool.shutdown(wait=False, cancel_futures=True)
                 raise RuntimeError(f"the case {waiting[future]} failed") from error
             rows.append(row)
-            writer.writerow(asdict(row))
-            file.flush()
+            append_rows(path, [row])
             note = (
                 f"{row.axis} {row.hidden} {row.seed}: {row.outcome} ({row.verdict} {row.named} {row.rivals})"
             )

@@ -22,6 +22,7 @@ from hovercontrol.discrepancy.evidence.traces import runs_of, simulate_runs
 from hovercontrol.discrepancy.experiment.manoeuvres import Manoeuvre, family, reach
 from hovercontrol.discrepancy.experiment.proposal import Experiment
 from hovercontrol.discrepancy.search.confirm import Selection
+from hovercontrol.effects.law import is_law
 from hovercontrol.estimation.data import Data
 from hovercontrol.estimation.fit import Fit, estimate
 from hovercontrol.estimation.kalman import run_filter
@@ -79,7 +80,8 @@ def next_experiment(
         Of the manoeuvres drawn at random.
     """
     final = selection.final
-    apart = [r for r in selection.rivals if not r.same]
+    # twins shift every log alike; laws that are the same in these logs may differ in others
+    apart = sorted((r for r in selection.rivals if not r.same or is_law(r.name)), key=lambda r: r.same)
     if apart:
         rival = apart[0]
         found = separate(final, rival.fit, (rival.instead_of, rival.name), seed=seed)

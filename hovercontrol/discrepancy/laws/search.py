@@ -4,7 +4,7 @@ The catalogue is searched first. Where it leaves more than noise, all forms of t
 table (:mod:`.screen`), and the few best are searched beside the catalogue by the same steps: fit, confirm,
 challenge, hold out. The same forms in the other equations are searched with them: a law that differs from one
 of the few in its place only is told from it or told as its rival, and a force off the centre of mass acts in
-two equations.
+two equations. Laws that the screening does not tell apart are compared by fits, each with its own noise.
 
 A law stands in place of what the catalogue named, where it is surely likelier, and not beside it in the same
 equation: beside a true name a form may stand for what has none. In an equation of its own it stands beside.
@@ -36,9 +36,9 @@ from hovercontrol.discrepancy.laws.grammar import law_names
 from hovercontrol.discrepancy.laws.screen import LikelyLaw, screened
 from hovercontrol.discrepancy.places import acts_in
 from hovercontrol.discrepancy.search.candidates import catalogue
-from hovercontrol.discrepancy.search.challenge import surely
+from hovercontrol.discrepancy.search.challenge import alike, surely
 from hovercontrol.discrepancy.search.confirm import Rival, Selection
-from hovercontrol.discrepancy.search.fit import TRIALS, Made, Search, try_effect
+from hovercontrol.discrepancy.search.fit import TRIALS, Made, Search, beside, try_effect
 from hovercontrol.discrepancy.search.hold_out import HeldOut, held_out, without
 from hovercontrol.discrepancy.search.leads import Lead
 from hovercontrol.discrepancy.search.searched import shown
@@ -151,7 +151,7 @@ def _decided(selection: Selection, criteria: Criteria) -> Selection:
     What is left is noise to the model, so that likelihood ratios mean what they say; their scatter over
     blocks is asked for where the model is wrong in other ways too.
     """
-    rivals = (r for r in selection.rivals if r.same or r.behind < criteria.apart or not is_law(r.instead_of))
+    rivals = (r for r in selection.rivals if r.behind < criteria.apart or not is_law(r.instead_of))
     return replace(selection, rivals=tuple(rivals))
 
 
@@ -202,28 +202,57 @@ def _among(criteria: Criteria, asked: int, tests: float) -> Criteria:
     return replace(criteria, level=criteria.level * part, other_sign=criteria.other_sign * part)
 
 
-def _with_same(search: Search, selection: Selection, few: list[LikelyLaw]) -> Selection:
-    """Return a selection whose laws have as rivals those that the logs do not tell from them.
+def _with_same(search: Search, selection: Selection, few: Sequence[LikelyLaw]) -> Selection:
+    """Return a selection whose laws are compared with those that the screening does not tell from them."""
+    for one in few:
+        if one.same and one.name in selection.effects:
+            selection = _likeliest_of_same(search, selection, one)
+    return selection
 
-    One that breaks more symmetries of the model is told and no more. Any other is fitted in the law's place,
-    and makes the verdict ambiguous unless it is clearly less likely.
+
+def _likeliest_of_same(search: Search, selection: Selection, law: LikelyLaw) -> Selection:
+    """Return a selection with the likeliest of laws that are alike, and with the others as its rivals.
+
+    Each is fitted in the law's place, its noise as well as the law's. One that breaks more symmetries of the
+    model is named only if it is surely likelier; else it is told as the same in these logs, which makes
+    nothing ambiguous.
     """
-    criteria = search.criteria
-    by_name = {s.name: s for s in few}
-    have = {(r.name, r.instead_of) for r in selection.rivals}
-    more: list[Rival] = []
-    for n in (n for n in selection.effects if n in by_name):
-        mine, less = selection.final, selection.without[n]
-        for other, breaks_more in by_name[n].same.items():
-            if (other, n) in have:
-                continue
-            if breaks_more:
-                more.append(Rival(other, n, 0.0, 0.0, mine, same=True))
-                continue
-            t = try_effect(search, less, by_name[n].trials[other].neutral())
-            if t is None:
-                continue
-            behind, score = criteria.penalised(t.fit) - criteria.penalised(mine), surely(t.fit, mine)
-            if behind < criteria.apart or score < criteria.apart_t:
-                more.append(Rival(other, n, behind, score, t.fit))
-    return replace(selection, rivals=(*selection.rivals, *more))
+    criteria, name, less = search.criteria, law.name, selection.without[law.name]
+    told = {r.name for r in selection.rivals if r.instead_of == name}
+    own = {name: beside(selection.final, less, name)}
+    for other in (n for n in law.same if n not in told):
+        t = try_effect(search, less, law.trials[other].neutral())
+        if t is not None:
+            own[other] = alike(search, t, own[name])
+    cost = {n: criteria.penalised(t.fit) for n, t in own.items()}
+
+    def near(n: str, best: str) -> bool:
+        far = cost[n] - cost[best] >= criteria.apart
+        return not (far and surely(own[n].fit, own[best].fit) >= criteria.apart_t)
+
+    breaks_more = {n: law.same.get(n, False) for n in own}
+    best = min((n for n in own if not breaks_more[n]), key=lambda n: cost[n] - TRIALS.level * (n == name))
+    likeliest = min(own, key=lambda n: cost[n])
+    best = best if near(best, likeliest) else likeliest
+    final = own[best].fit
+    fresh = [
+        Rival(n, best, cost[n] - cost[best], surely(t.fit, final), t.fit, breaks_more[n] > breaks_more[best])
+        for n, t in own.items()
+        if n != best and near(n, best)
+    ]
+    moved = [
+        replace(r, instead_of=best, behind=r.behind + cost[name] - cost[best], t=surely(r.fit, final))
+        if r.instead_of == name and best != name
+        else r
+        for r in selection.rivals
+    ]
+    called = {n: best if n == name else n for n in selection.effects}
+    return replace(
+        selection,
+        final=final,
+        effects=tuple(called.values()),
+        gains={called[n]: v for n, v in selection.gains.items()} | {best: own[best].gain},
+        blocks={called[n]: v for n, v in selection.blocks.items()} | {best: own[best].blocks},
+        without={called[n]: v for n, v in selection.without.items()},
+        rivals=(*moved, *fresh),
+    )

@@ -119,7 +119,7 @@ def _rivals(
             t = search.once(less, s.effect, s)
             if t is None or not noted(search, t, among(search, t, [mine], selection.candidates)):
                 continue
-            t = _alike(search, t, mine)
+            t = alike(search, t, mine)
             if _only_imitates(t, mine, criteria.chance) or brings_nothing(t, mine, criteria):
                 continue
             behind, score = _cost(search, t.fit) - _cost(search, mine.fit), surely(t.fit, mine.fit)
@@ -146,7 +146,7 @@ def _contenders(search: Search, less: Fit, named: Tried) -> list[Scored]:
     return [*same, *good[: criteria.tries]]
 
 
-def _alike(search: Search, t: Tried, other: Tried) -> Tried:
+def alike(search: Search, t: Tried, other: Tried) -> Tried:
     """Return a fit whose noise is as well fitted as the other's, so that the noise does not decide.
 
     The other's correlation times are tried. If the costs are then near, the fit gets its own likeliest times.

@@ -27,7 +27,8 @@ class Rival:
     fit : Fit
         Fit with this effect in place of the other.
     same : bool
-        Whether the two are equivalent in every log (a delay of commands, a clock that is late).
+        Whether the two are equivalent in every log (a delay of commands, a clock that is late); of laws,
+        whether it breaks a symmetry of the model that the named one keeps, and is nearly as likely.
     """
 
     name: str
