@@ -76,11 +76,15 @@ def rows() -> Iterator[tuple[str, str, str, bool | None]]:
     if not real_craft.DATA.exists():
         yield "real logs", f"not at {real_craft.DATA}", "", None
         return
+    four_fan = hc.vehicle("four_fan")
     for run in "abcd":
         log = real_logs.read(run)
         yield f"four fans, run {run}", "", "", None
         yield from pose_rows(log)
-        yield from told(build(hc.vehicle("four_fan"), log).block, log)
+        yield from told(build(four_fan, log).block, log)
+        names = [*four_fan.linear_coefficients(), *(f"{c}_bias" for c in POSE), "pose_lever_arm"]
+        yield f"four fans, run {run}, with the place of the tracked point as a candidate", "", "", None
+        yield from told(build(four_fan, log, candidates=names).block, log)
     log = real_craft.holohover("h1")
     middle = float(log.time[0] + log.time[-1]) / 2
     first, second = log.between(log.time[0], middle), log.between(middle, log.time[-1])

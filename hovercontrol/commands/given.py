@@ -30,13 +30,10 @@ Out = Annotated[
         help="Folder for the results, created if missing (default: out/ and what is run).",
     ),
 ]
-Logs = Annotated[
-    list[str] | None,
-    typer.Argument(
-        metavar="LOG",
-        help="CSV, Parquet, ROS bag, ULog, BIN, MAT, MDF; POSE.csv+COMMANDS.csv for a run in two files.",
-    ),
-]
+#: What a log may be, in the help of a command's argument LOG.
+FORMATS = "CSV, Parquet, ROS bag, ULog, BIN, MAT, MDF; POSE.csv+COMMANDS.csv for a run in two files."
+
+Logs = Annotated[list[str] | None, typer.Argument(metavar="LOG", help=FORMATS)]
 ModelFile = Annotated[
     str | None,
     typer.Option(

@@ -23,8 +23,7 @@ def monitor(
         str | None,
         typer.Argument(
             metavar="LOG",
-            help="CSV, Parquet, ROS bag, ULog, BIN, MAT, MDF; POSE.csv+COMMANDS.csv for a run in two files. "
-            "With --follow a growing CSV file, or - for standard input.",
+            help=f"{given.FORMATS} With --follow a growing CSV file, or - for standard input.",
         ),
     ] = None,
     out: given.Out = None,

@@ -97,7 +97,7 @@ def build(
     )
     report(1.0, "built")
     rate = f"threshold for {false_alarms_per_hour:g} false alarms an hour; a tick each {1e3 * period:.4g} ms"
-    return Built(block, (where, noise.text(), rate))
+    return Built(block, tuple(line for line in (where, noise.text(), noise.misfit(), rate) if line))
 
 
 def channels_of(model: Craft, log: Log) -> list[str]:

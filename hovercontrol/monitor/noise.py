@@ -42,16 +42,29 @@ class NoiseLevels:
         Root spectral density, by state [unit of the state / s^(1/2)].
     measurement : dict of str to float
         Standard deviation of a sample, by channel [its unit].
+    unexplained : dict of str to float
+        Root mean square of the missing accelerations, as a share of the observed ones, by state.
     """
 
     process: dict[str, float]
     measurement: dict[str, float]
+    unexplained: dict[str, float]
 
     def text(self) -> str:
         """Return the levels as one line."""
         seen = ", ".join(f"{k} {v:.2g}" for k, v in self.measurement.items())
         driven = ", ".join(f"{k}' {v:.2g}" for k, v in self.process.items())
         return f"noise of a sample: {seen}; process noise: {driven} (SI units per s^(1/2))"
+
+    def misfit(self) -> str:
+        """Return what the model leaves open as one line; empty if it is not more than :data:`LEAST`."""
+        left = [f"{k}' {100 * v:.0f} %" for k, v in self.unexplained.items() if v > LEAST]
+        if not left:
+            return ""
+        return (
+            f"the model leaves open, of the accelerations in that log (rms): {', '.join(left)}; "
+            "with a large part, names and sizes may be wrong"
+        )
 
 
 def noise_of(fit: Fit, channels: Sequence[str]) -> NoiseLevels:
@@ -63,8 +76,11 @@ def noise_of(fit: Fit, channels: Sequence[str]) -> NoiseLevels:
     lacking = [c for c in channels if c not in measured]
     if lacking:
         raise InputError(f"monitor: the log for the noise has no samples of {', '.join(lacking)}")
+    shares = (fit.noise.process / fit.problem.accelerations).tolist()
     return NoiseLevels(
-        dict(zip(fit.noise.driven, sizes, strict=True)), {c: float(measured[c]) for c in channels}
+        dict(zip(fit.noise.driven, sizes, strict=True)),
+        {c: float(measured[c]) for c in channels},
+        dict(zip(fit.noise.driven, shares, strict=True)),
     )
 
 

@@ -1,18 +1,21 @@
 """Coefficients that are fitted to a log: their standard errors widen the monitor's tests."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import hovercontrol as hc
 from hovercontrol.monitor.build import build
 from hovercontrol.monitor.feed import Feed
+from hovercontrol.monitor.noise import LEAST, noise_from
 
 PERIOD = 0.1
 
 
-def cart():
+def cart(mass=2.0):
     v, F = hc.Signal("v", "m/s"), hc.Signal("F", "N")
-    m, c = hc.Signal("m", "kg", start=2.0, lower=0.1), hc.Signal("c", "1/s", start=0.5, lower=0.0)
+    m, c = hc.Signal("m", "kg", start=mass, lower=0.1), hc.Signal("c", "1/s", start=0.5, lower=0.0)
     return hc.BlockModel(
         hc.Block("cart", [v], [F], [v], [m, c], {"v": F.symbol / m.symbol - c.symbol * v.symbol})
     )
@@ -53,3 +56,11 @@ def test_a_change_of_an_uncertain_coefficient_is_put_into_its_estimate():
     assert feed.adopt("c", 0.3) == 0.3
     list(feed.rows(2 * PERIOD, rows[2]))
     assert float(feed._runner.state[place]) == pytest.approx(before + 0.3, abs=0.02)
+
+
+def test_a_model_that_is_far_off_is_said_with_the_share_it_leaves_open(log):
+    """The cart has 1.8 kg; with 4 kg the force explains less than half of the accelerations."""
+    near, far = (noise_from(cart(mass), log, ["v"]) for mass in (1.8, 4.0))
+    assert far.unexplained["v"] > 0.3 > 2 * near.unexplained["v"]
+    assert f"v' {100 * far.unexplained['v']:.0f} %" in far.misfit()
+    assert replace(far, unexplained={"v": LEAST}).misfit() == ""
