@@ -121,6 +121,7 @@ def conversion(unit: str, target: str) -> tuple[float, float]:
     return a, b
 
 
+@checked
 def conversion_factor(unit: str, target: str) -> float:
     """Return the factor that converts a number from `unit` to `target`.
 
