@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
 from hovercontrol.estimation.rows import BLOCKING
 from hovercontrol.estimation.subject import Subject, structure
@@ -53,6 +54,7 @@ def time_constant(model: Subject) -> float:
     return float(1.0 / np.abs(known).min()) if known.size else 0.0
 
 
+@checked
 def slow_rows(model: Subject, log: Log) -> list[str]:
     """Return a line about a log whose rows are too far apart to show any motion of the model.
 
