@@ -18,9 +18,10 @@ Recursive least squares estimate z = (d0, theta) with the row r = (C_i Psi, eta_
 
     S = phi + r V r',  k = V r'/S,  z <- z + k (e - r z),  V <- V - k (r V).
 
-They start from the estimate theta of the best window, with the standard deviation abs(theta), and from d0 = 0
-with the covariance g phi P: the evidence g at the alarm bounds the error in units of the filter's covariance
-P. phi is the dispersion of the named candidate, 1 where the noise is as stated.
+They start from the estimate theta of the best window, with the standard deviation abs(theta), and from the
+error that it explains, ``d0 = theta c`` with the column c of the window. Besides, d0 has the covariance
+g phi P: the evidence g at the alarm bounds the error in units of the filter's covariance P. phi is the
+dispersion of the named candidate, 1 where the noise is as stated.
 If another candidate is named, all begin anew.
 
 The estimate is limited to the bounds of theta.
@@ -155,14 +156,36 @@ def refine(
 
     name = write.define("named_next", sp.Piecewise((which, told > sp.S.Half), (0, True)))
     following = {"named": name}
-    following |= {s.name: begun(now[i], sp.S.Zero) for i, s in enumerate(z[:n])} | {z[n].name: amplitude}
+    along = [*_explained(write, bank, n, of_named), sp.S.One]
+    following |= {s.name: begun(now[i], first * along[i]) for i, s in enumerate(z[:n])}
+    following |= {z[n].name: amplitude}
     for (i, k), s in V.items():
-        start = variance if i == k == n else evidence * phi * after[i, k] if k < n else sp.S.Zero
+        start = variance * along[i] * along[k] + (evidence * phi * after[i, k] if k < n else 0)
         following[s.name] = begun(cov[i, k], start)
     # d = Psi d0 + theta s + o since the estimate began, before this tick's measurements
     moved = write.matrix("named_error", Psi * now[:n, :] + theta * column + offset)
     shift = bank.A * moved
     return Refined((named, *z, *V.values(), *more), following | moves, theta, variance, shift)
+
+
+def _explained(
+    write: Equations, bank: Bank, n: int, of_named: Callable[[str, Sequence[sp.Expr]], sp.Expr]
+) -> sp.Matrix:
+    """Write c, the column of the named candidate since the start of the best window, before the next tick."""
+    window, W = sp.Symbol("best_window", real=True), range(len(bank.Psi))
+
+    def of_window(name: str, values: Sequence[sp.Expr]) -> sp.Expr:
+        pairs = [(v, window < w + 0.5) for w, v in enumerate(values[:-1])]
+        return write.define(name, sp.Piecewise(*pairs, (values[-1], True), evaluate=False))
+
+    def begun(i: int) -> sp.Expr:
+        values = [of_named(f"named_begun[{w},{i}]", [c[i] for c in bank.begun[w]]) for w in W]
+        return of_window(f"best_begun[{i}]", values)
+
+    s = sp.Matrix([of_named(f"named_after[{i}]", [c[i] for c in bank.after]) for i in range(n)])
+    start = sp.Matrix([begun(i) for i in range(n)])
+    Psi = sp.Matrix(n, n, lambda i, k: of_window(f"best_Psi[{i},{k}]", [P[i, k] for P in bank.Psi]))
+    return write.matrix("explained", s - Psi * start)
 
 
 def _finite(bound: sp.Expr) -> sp.Expr:
