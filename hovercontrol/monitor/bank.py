@@ -57,6 +57,8 @@ class Bank:
         Without resets.
     score, limited_score, information : list of list of sympy.Expr
         b, b of limited innovations and J after this tick, divided by the dispersion, by candidate and window.
+    energy : list of sympy.Expr
+        Sum of squares of e since the start of each window, this tick included.
     age : list of sympy.Expr
         Ticks since the start of each window, this one included.
     columns, after : list of sympy.Matrix
@@ -84,6 +86,7 @@ class Bank:
     score: list[list[sp.Expr]]
     limited_score: list[list[sp.Expr]]
     information: list[list[sp.Expr]]
+    energy: list[sp.Expr]
     age: list[sp.Expr]
     columns: list[sp.Matrix]
     after: list[sp.Matrix]
@@ -223,6 +226,7 @@ def write_bank(
     robust: list[list[sp.Expr]] = [[] for _ in range(J)]
     information: list[list[sp.Expr]] = [[] for _ in range(J)]
     age: list[sp.Expr] = []
+    energy: list[sp.Expr] = []
     starts: list[list[sp.Matrix]] = []
     Psis: list[sp.Matrix] = []
     before: dict[str, sp.Expr] = {}
@@ -242,9 +246,11 @@ def write_bank(
         age.append(old)
         Psis.append(Psi_next)
         starts.append([])
-        values = {f"age[{w}]": old}
+        spent = state(f"energy[{w}]", "1", f"sum of squares of the innovations in window {w}")
+        energy.append(write.define(f"energy_now[{w}]", spent + sum(e**2 for e in seen)))
+        values = {f"age[{w}]": old, f"energy[{w}]": energy[w]}
         values |= {f"Psi[{w},{i},{k}]": Psi_next[i, k] for i in range(n) for k in range(n)}
-        fresh: dict[str, sp.Expr] = {f"age[{w}]": sp.S.Zero}
+        fresh: dict[str, sp.Expr] = {f"age[{w}]": sp.S.Zero, f"energy[{w}]": sp.S.Zero}
         fresh |= {f"Psi[{w},{i},{k}]": sp.eye(n)[i, k] for i in range(n) for k in range(n)}
         for j in range(J):
             begun = sp.Matrix(
@@ -277,6 +283,6 @@ def write_bank(
             following[key] = sp.Piecewise((earlier, moved[w] > sp.S.Half), (value, True))
         before = values
     return Bank(
-        tuple(states), following, score, robust, information, age, columns, after, starts, Psis,
+        tuple(states), following, score, robust, information, energy, age, columns, after, starts, Psis,
         pushes, jolts, A, M, C, seen, limited, own, list(dispersion),
     )  # fmt: skip
