@@ -169,7 +169,7 @@ def loop_with(name: str | None) -> hc.Block:
     return hc.interconnect([pushed(model), *law()], inputs=[f"push_{n}" for n in PROCESS], outputs=outputs)
 
 
-def changed(name: str, seed: int, noisy: bool = True) -> dict[str, Array]:
+def changed(name: str | None, seed: int, noisy: bool = True) -> dict[str, Array]:
     """Return the measured channels and commands of a loop in which an effect sets in at ONSET."""
     rng = np.random.default_rng(seed)
     size = 1.0 if noisy else 0.0
@@ -192,6 +192,33 @@ def changed(name: str, seed: int, noisy: bool = True) -> dict[str, Array]:
     for n, sd in NOISE.items():
         found[n] = found[n] + size * sd * rng.normal(size=t.size)
     return {n: found[n] for n in (*NOISE, "thrust", "rudder")}
+
+
+def jumps(log: hc.Log, seeds: int = 10) -> Iterator[tuple[str, str, str, bool | None]]:
+    """Yield how a sensor that is off from ONSET on is told, 1 s after the alarm."""
+    block = watch(log, [*CANDIDATES, *(f"{k}_bias" for k in NOISE)], 1.0, False)
+    compiled, names, channels = block.compile(), named_effects(block), [s.name for s in block.outputs]
+    for channel, size in (("x", 0.02), ("x", 0.005), ("psi", 0.05), ("psi", 0.01)):
+        right, within, widest = 0, 0, 0.0
+        for seed in range(1, seeds + 1):
+            data = changed(None, seed)
+            t = PERIOD * np.arange(len(data["x"]))
+            data[channel] = data[channel] + size * (t >= ONSET)
+            out = dict(zip(channels, compiled.simulate(t, data | {"reset": 0 * t}).outputs, strict=True))
+            late = np.flatnonzero((out["alarm"] > 0.5) & (t >= ONSET))
+            if not late.size:
+                continue
+            k = late[0] + round(1.0 / PERIOD)
+            right += names[round(float(out["effect"][k])) - 1] == f"{channel}_bias"
+            within += abs(out["change"][k] - size) < 2 * out["change_std"][k]
+            widest = max(widest, float(out["change_std"][k]))
+        unit = block.signal(channel).unit
+        yield (
+            f"{channel} off by {size:g} {unit}: named, and within 2 standard deviations",
+            f"{right} and {within} of {seeds}; at most {widest:.2g} {unit}",
+            "90 % within",
+            within >= 0.9 * seeds,
+        )
 
 
 def information(block: hc.Block) -> Ticking:
@@ -221,6 +248,7 @@ def bound(run: Ticking, log: dict[str, Array], rate: float) -> float:
 def rows(hours: dict[float, float] | None = None) -> Iterator[tuple[str, str, str, bool | None]]:
     log = motion()
     yield from delays(log)
+    yield from jumps(log)
     for gusts in (False, True):
         label, first = "with gusts" if gusts else "white noise", None
         for asked, simulated in (hours or HOURS).items():

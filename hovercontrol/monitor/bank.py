@@ -28,7 +28,8 @@ the scores of a sound log vary more than J, by the dispersion phi_j, b and J are
 
 Starts tau are kept in windows w = 0 ... W-1. Every ``first`` ticks window 0 begins anew; every ``2^w first``
 ticks window w takes over the start of window w - 1 and its sums. The ages of the starts are then between
-``(2^w - 1) first`` and ``(2^(w+1) - 1) first``.
+``(2^w - 1) first`` and ``(2^(w+1) - 1) first``. Window 0 also begins anew at an outlier: a jump of a sensor
+is in the estimate after few ticks, and shows only with its onset.
 """
 
 from __future__ import annotations
@@ -56,10 +57,16 @@ class Bank:
         Without resets.
     score, limited_score, information : list of list of sympy.Expr
         b, b of limited innovations and J after this tick, divided by the dispersion, by candidate and window.
+    energy : list of sympy.Expr
+        Sum of squares of e since the start of each window, this tick included.
     age : list of sympy.Expr
         Ticks since the start of each window, this one included.
-    columns : list of sympy.Matrix
-        s of each candidate, before this tick.
+    columns, after : list of sympy.Matrix
+        s of each candidate, before this tick and before the next.
+    begun : list of list of sympy.Matrix
+        s at the start of each window, by window and candidate.
+    Psi : list of sympy.Matrix
+        Psi of each window, before the next tick.
     pushes, jolts : list of sympy.Matrix
         Change of s, and of the innovations divided by their standard deviations, by the tick itself, by
         candidate: ``s <- M s + push``, ``eta = C s + jolt``.
@@ -79,8 +86,12 @@ class Bank:
     score: list[list[sp.Expr]]
     limited_score: list[list[sp.Expr]]
     information: list[list[sp.Expr]]
+    energy: list[sp.Expr]
     age: list[sp.Expr]
     columns: list[sp.Matrix]
+    after: list[sp.Matrix]
+    begun: list[list[sp.Matrix]]
+    Psi: list[sp.Matrix]
     pushes: list[sp.Matrix]
     jolts: list[sp.Matrix]
     A: sp.Matrix
@@ -120,6 +131,7 @@ def write_bank(
     first: int,
     dispersion: Sequence[sp.Expr],
     many: Sequence[sp.Expr],
+    jump: sp.Expr,
     hold: sp.Expr,
     raised: sp.Expr,
     best_window: sp.Expr,
@@ -144,6 +156,8 @@ def write_bank(
         phi of each candidate.
     many : sequence of sympy.Expr
         1 for each measurement that is not limited.
+    jump : sympy.Expr
+        1 at an outlier.
     hold : sympy.Expr
         1 while no start is moved: after an alarm.
     raised, best_window : sympy.Expr
@@ -185,7 +199,9 @@ def write_bank(
             0: [(1, raised > sp.S.Half)],
             1: [(1, sp.And(raised > sp.S.Half, best_window < sp.S.Half))],
         }
-        pairs = [*at_alarm.get(w, []), (0, hold > sp.S.Half), (1, rest < sp.S.Half), (0, True)]
+        pairs = [*at_alarm.get(w, []), (0, hold > sp.S.Half)]
+        pairs += [(1, jump > sp.S.Half)] if w == 0 else []
+        pairs += [(1, rest < sp.S.Half), (0, True)]
         moved.append(write.define(f"moved[{w}]", sp.Piecewise(*pairs, evaluate=False)))
 
     columns, own, after, pushes, jolts = [], [], [], [], []
@@ -210,6 +226,9 @@ def write_bank(
     robust: list[list[sp.Expr]] = [[] for _ in range(J)]
     information: list[list[sp.Expr]] = [[] for _ in range(J)]
     age: list[sp.Expr] = []
+    energy: list[sp.Expr] = []
+    starts: list[list[sp.Matrix]] = []
+    Psis: list[sp.Matrix] = []
     before: dict[str, sp.Expr] = {}
     for w in range(windows):
         Psi = sp.Matrix(
@@ -225,9 +244,13 @@ def write_bank(
             f"age_now[{w}]", state(f"age[{w}]", "1", f"ticks since the start of window {w}") + 1
         )
         age.append(old)
-        values = {f"age[{w}]": old}
+        Psis.append(Psi_next)
+        starts.append([])
+        spent = state(f"energy[{w}]", "1", f"sum of squares of the innovations in window {w}")
+        energy.append(write.define(f"energy_now[{w}]", spent + sum(e**2 for e in seen)))
+        values = {f"age[{w}]": old, f"energy[{w}]": energy[w]}
         values |= {f"Psi[{w},{i},{k}]": Psi_next[i, k] for i in range(n) for k in range(n)}
-        fresh: dict[str, sp.Expr] = {f"age[{w}]": sp.S.Zero}
+        fresh: dict[str, sp.Expr] = {f"age[{w}]": sp.S.Zero, f"energy[{w}]": sp.S.Zero}
         fresh |= {f"Psi[{w},{i},{k}]": sp.eye(n)[i, k] for i in range(n) for k in range(n)}
         for j in range(J):
             begun = sp.Matrix(
@@ -236,6 +259,7 @@ def write_bank(
                     for i, p in enumerate(plant)
                 ]
             )
+            starts[w].append(begun)
             eta = [write.define(f"eta[{w},{j},{i}]", own[j][i] - (R[i, :] * begun)[0]) for i in range(m)]
             b = state(f"b[{w},{j}]", "1", f"score of candidate {j} in window {w}")
             info = state(f"J[{w},{j}]", "1", f"information on candidate {j} in window {w}")
@@ -259,6 +283,6 @@ def write_bank(
             following[key] = sp.Piecewise((earlier, moved[w] > sp.S.Half), (value, True))
         before = values
     return Bank(
-        tuple(states), following, score, robust, information, age, columns,
+        tuple(states), following, score, robust, information, energy, age, columns, after, starts, Psis,
         pushes, jolts, A, M, C, seen, limited, own, list(dispersion),
     )  # fmt: skip

@@ -142,6 +142,7 @@ def decide(
     info = of_best("best_J", [bank.information[j][w] for j, w in at])
     of_best("best_window", [sp.Integer(w) for _, w in at])
     age = of_best("best_age", [bank.age[w] for _, w in at])
+    energy = of_best("best_energy", [bank.energy[w] for _, w in at])
     outputs, values = [], {}
 
     def output(signal: Signal, value: sp.Expr) -> None:
@@ -162,7 +163,11 @@ def decide(
         sp.Piecewise(*sensors, (which, told), (sp.S.Zero, True), evaluate=False),
     )
     output(Signal("evidence", "1", "largest g; alarm above the threshold"), best)
-    refined = refine(write, bank, plant, which, alarm, b / sp.Max(info, 1e-300), best, after, limits, sized)
+    info = sp.Max(info, 1e-300)
+    dof = len(channels) * age
+    refined = refine(
+        write, bank, plant, which, alarm, b / info, best, after, info, energy, dof, limits, sized
+    )
     scale = sp.Piecewise(
         *((sp.Float(c.scale), which < j + 1.5) for j, c in enumerate(candidates[:-1])),
         (sp.Float(candidates[-1].scale), True),

@@ -142,7 +142,7 @@ def _assembled(
     phi = [s.symbol for s in own.dispersion] or [sp.S.One] * len(design.candidates)
     bank = write_bank(
         write, plant, steps, Phi, forced, bias,
-        windows=design.windows, first=design.first, dispersion=phi, many=sensors.many,
+        windows=design.windows, first=design.first, dispersion=phi, many=sensors.many, jump=sensors.jump,
         hold=sp.Symbol("test_alarm", real=True),
         raised=sp.Symbol("raised", real=True), best_window=sp.Symbol("best_window", real=True),
     )  # fmt: skip

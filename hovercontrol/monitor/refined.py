@@ -18,9 +18,15 @@ Recursive least squares estimate z = (d0, theta) with the row r = (C_i Psi, eta_
 
     S = phi + r V r',  k = V r'/S,  z <- z + k (e - r z),  V <- V - k (r V).
 
-They start from the estimate theta of the best window, with the standard deviation abs(theta), and from d0 = 0
-with the covariance g phi P: the evidence g at the alarm bounds the error in units of the filter's covariance
-P. phi is the dispersion of the named candidate, 1 where the noise is as stated.
+They start from the estimate theta of the best window, and from the error that it explains, ``d0 = theta c``
+with the column c of the window. The onset lies between the starts of two windows, so that the true signature
+differs from that of the window. What is unexplained of the sum of squares E of its N innovations, more than
+noise brings in the mean plus twice the standard deviation of that, bounds the difference:
+
+    std^2 = (1 + max(0, E - theta^2 J - N) + 2 (2 N)^(1/2))/J,
+
+at most theta^2. Besides, d0 has the covariance g phi P: the evidence g at the alarm bounds the error in units
+of the filter's covariance P. phi is the dispersion of the named candidate, 1 where the noise is as stated.
 If another candidate is named, all begin anew.
 
 The estimate is limited to the bounds of theta.
@@ -82,6 +88,9 @@ def refine(
     first: sp.Expr,
     evidence: sp.Expr,
     after: sp.Matrix,
+    info: sp.Expr,
+    energy: sp.Expr,
+    dof: sp.Expr,
     limits: Sequence[tuple[sp.Expr, sp.Expr]],
     sized: Mapping[int, Sized],
 ) -> Refined:
@@ -99,6 +108,8 @@ def refine(
         Estimate from the best window, and its g.
     after : sympy.Matrix, shape (n, n)
         Covariance of the filter's prediction at the next tick.
+    info, energy, dof : sympy.Expr
+        J of the best window, the sum of squares of its innovations and their number.
     limits : sequence of (sympy.Expr, sympy.Expr)
         Bounds of each candidate's theta.
     sized : mapping of int to Sized
@@ -148,21 +159,47 @@ def refine(
     first = write.define("theta_first", within(first, *bounds))
     amplitude = write.define("amplitude", sp.Piecewise((first, anew > sp.S.Half), (now[n], True)))
     theta = write.define("theta", within(amplitude, *bounds))
-    variance = write.define("theta_variance", sp.Piecewise((first**2, anew > sp.S.Half), (cov[n, n], True)))
+    explained = first**2 * info
+    unexplained = sp.Max(0, energy / phi - explained - dof) + 2 * sp.sqrt(2 * dof)
+    spread = (1 + unexplained) / info
+    spread = write.define("first_variance", sp.Min(first**2, spread))
+    variance = write.define("theta_variance", sp.Piecewise((spread, anew > sp.S.Half), (cov[n, n], True)))
 
     def begun(value: sp.Expr, start: sp.Expr) -> sp.Expr:
         return sp.Piecewise((start, anew > sp.S.Half), (value, True))
 
     name = write.define("named_next", sp.Piecewise((which, told > sp.S.Half), (0, True)))
     following = {"named": name}
-    following |= {s.name: begun(now[i], sp.S.Zero) for i, s in enumerate(z[:n])} | {z[n].name: amplitude}
+    along = [*_explained(write, bank, n, of_named), sp.S.One]
+    following |= {s.name: begun(now[i], first * along[i]) for i, s in enumerate(z[:n])}
+    following |= {z[n].name: amplitude}
     for (i, k), s in V.items():
-        start = variance if i == k == n else evidence * phi * after[i, k] if k < n else sp.S.Zero
+        start = variance * along[i] * along[k] + (evidence * phi * after[i, k] if k < n else 0)
         following[s.name] = begun(cov[i, k], start)
     # d = Psi d0 + theta s + o since the estimate began, before this tick's measurements
     moved = write.matrix("named_error", Psi * now[:n, :] + theta * column + offset)
     shift = bank.A * moved
     return Refined((named, *z, *V.values(), *more), following | moves, theta, variance, shift)
+
+
+def _explained(
+    write: Equations, bank: Bank, n: int, of_named: Callable[[str, Sequence[sp.Expr]], sp.Expr]
+) -> sp.Matrix:
+    """Write c, the column of the named candidate since the start of the best window, before the next tick."""
+    window, W = sp.Symbol("best_window", real=True), range(len(bank.Psi))
+
+    def of_window(name: str, values: Sequence[sp.Expr]) -> sp.Expr:
+        pairs = [(v, window < w + 0.5) for w, v in enumerate(values[:-1])]
+        return write.define(name, sp.Piecewise(*pairs, (values[-1], True), evaluate=False))
+
+    def begun(i: int) -> sp.Expr:
+        values = [of_named(f"named_begun[{w},{i}]", [c[i] for c in bank.begun[w]]) for w in W]
+        return of_window(f"best_begun[{i}]", values)
+
+    s = sp.Matrix([of_named(f"named_after[{i}]", [c[i] for c in bank.after]) for i in range(n)])
+    start = sp.Matrix([begun(i) for i in range(n)])
+    Psi = sp.Matrix(n, n, lambda i, k: of_window(f"best_Psi[{i},{k}]", [P[i, k] for P in bank.Psi]))
+    return write.matrix("explained", s - Psi * start)
 
 
 def _finite(bound: sp.Expr) -> sp.Expr:

@@ -36,6 +36,8 @@ class Sensors:
     next_values : dict of str to sympy.Expr
     many : list of sympy.Expr
         1 for each channel with so many outliers within a second that none is left out.
+    jump : sympy.Expr
+        1 at the first outlier within a second: a sensor may have changed there.
     dead : list of sympy.Expr
         1 for each channel whose sensor is dead.
     """
@@ -44,6 +46,7 @@ class Sensors:
     states: tuple[Signal, ...]
     next_values: dict[str, sp.Expr]
     many: list[sp.Expr]
+    jump: sp.Expr
     dead: list[sp.Expr]
 
 
@@ -73,7 +76,7 @@ def check_samples(
     h, H = expected(model, write, prior.x)
     states: list[Signal] = []
     following: dict[str, sp.Expr] = {}
-    used, many, dead = [], [], []
+    used, many, dead, first = [], [], [], []
     for i, s in enumerate(model.measured):
         last = Signal(f"last[{i}]", s.unit, f"last value of {s.name}")
         silent = Signal(f"silent[{i}]", "s", f"time without a new sample of {s.name}")
@@ -97,6 +100,7 @@ def check_samples(
                 (0, True),
             ),
         )
+        first.append(sp.Piecewise((outlier, left_out.symbol <= 0), (0, True)))
         one = Signal(f"used[{i}]", "1", f"1 if the sample of {s.name} is used")
         write.define(one.name, received - outlier)
         used.append(one)
@@ -109,4 +113,5 @@ def check_samples(
             silent.name: quiet,
             left_out.name: sp.Max(0, left_out.symbol - sp.Float(PER_SECOND * seconds)) + outlier,
         }
-    return Sensors(replace(model, lost=tuple(used)), tuple(states), following, many, dead)
+    jump = write.define("jump", sp.Max(*first))
+    return Sensors(replace(model, lost=tuple(used)), tuple(states), following, many, jump, dead)

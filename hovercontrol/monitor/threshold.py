@@ -245,19 +245,18 @@ def threshold_for(
 ) -> float:
     """Return the threshold with a rate of false alarms per tick.
 
-    The rate falls about as ``exp(-h/2)``; each step corrects h by that. The last step takes the mean over
-    :data:`SETS` independent sets of draws.
+    The rate falls about as ``exp(-h/2)``, and each step corrects h by that. Steps use the same set of draws
+    until they are short; the last two use SETS/2 new ones each, and the threshold is the mean of both.
     """
-    h, slope = 2.0 * np.log(0.1 * found.eta.shape[1] * found.eta.shape[2] / rate), -0.5
-    before: tuple[float, float] | None = None
-    for _ in range(5):
-        now = float(np.log(max(false_alarm_rate(found, floor, lower, upper, h, rest=rest), 1e-300)))
-        if before is not None and abs(h - before[0]) > 1e-9:
-            slope = float(np.clip((now - before[1]) / (h - before[0]), -1.0, -0.2))
-        step = (np.log(rate) - now) / slope
-        if abs(step) < 0.2:
+    h = 2.0 * np.log(0.1 * found.eta.shape[1] * found.eta.shape[2] / rate)
+
+    def corrected(h: float, seeds: range) -> float:
+        mean = np.mean([false_alarm_rate(found, floor, lower, upper, h, rest=rest, seed=s) for s in seeds])
+        return float(h + 2.0 * np.log(max(float(mean), 1e-300) / rate))
+
+    for _ in range(6):
+        before, h = h, corrected(h, range(1, 2))
+        if abs(h - before) < 0.2:
             break
-        before, h = (h, now), h + step
-    sets = range(1, SETS + 1)
-    mean = np.mean([false_alarm_rate(found, floor, lower, upper, h, rest=rest, seed=s) for s in sets])
-    return float(h + np.log(rate / mean) / slope)
+    one = corrected(h, range(2, 2 + SETS // 2))
+    return 0.5 * (one + corrected(one, range(2 + SETS // 2, 2 + SETS)))

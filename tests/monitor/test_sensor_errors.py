@@ -1,4 +1,4 @@
-"""Errors of sensors that depend on the motion: a tracked point off the centre, a wrong scale."""
+"""Errors of sensors: jumps, a tracked point off the centre, a wrong scale."""
 
 import numpy as np
 import pytest
@@ -63,6 +63,17 @@ def test_a_tracked_point_off_the_centre_is_named_with_its_place(spinner, arm, se
     if arm:
         assert name_at(spinner, out, -1) == "arm"
         assert abs(out["change"][-1] - arm) < 2 * out["change_std"][-1] < 0.3 * arm
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_jump_of_a_sensor_is_named_at_once_with_its_size(spinner, seed):
+    """The filter follows the jump within a few ticks; later samples say nothing of its size."""
+    log = spins(0.0, seed)
+    out = told_by(spinner, {**log.columns, "seen_psi": log.columns["seen_psi"] + 0.05 * (log.time >= 6.0)})
+    assert out["alarm"][log.time < 6.0].max() == 0.0
+    k = round(6.3 / PERIOD)
+    assert name_at(spinner, out, k) == "seen_psi_bias"
+    assert abs(out["change"][k] - 0.05) < 2 * out["change_std"][k] < 0.03
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
