@@ -57,12 +57,12 @@ class NoiseLevels:
         return f"noise of a sample: {seen}; process noise: {driven} (SI units per s^(1/2))"
 
     def misfit(self) -> str:
-        """Return what the model leaves open as one line; empty if it is not more than :data:`LEAST`."""
-        left = [f"{k}' {100 * v:.0f} %" for k, v in self.unexplained.items() if v > LEAST]
+        """Return what the model does not explain as one line; empty if it is not more than :data:`LEAST`."""
+        left = [f"{100 * v:.0f} % of {k}'" for k, v in self.unexplained.items() if v > LEAST]
         if not left:
             return ""
         return (
-            f"the model leaves open, of the accelerations in that log (rms): {', '.join(left)}; "
+            f"the model does not explain {', '.join(left)} in that log (rms); "
             "with a large part, names and sizes may be wrong"
         )
 

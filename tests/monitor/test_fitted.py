@@ -62,5 +62,5 @@ def test_a_model_that_is_far_off_is_said_with_the_share_it_leaves_open(log):
     """The cart has 1.8 kg; with 4 kg the force explains less than half of the accelerations."""
     near, far = (noise_from(cart(mass), log, ["v"]) for mass in (1.8, 4.0))
     assert far.unexplained["v"] > 0.3 > 2 * near.unexplained["v"]
-    assert f"v' {100 * far.unexplained['v']:.0f} %" in far.misfit()
+    assert f"{100 * far.unexplained['v']:.0f} % of v'" in far.misfit()
     assert replace(far, unexplained={"v": LEAST}).misfit() == ""
