@@ -38,7 +38,7 @@ def _command() -> object:
 
     set_matplotlib_folder()
     try:
-        return app(standalone_mode=False)
+        return app(prog_name="hovercontrol", standalone_mode=False)
     except typer.TyperException as error:
         text = error.format_message()
         return endings.refuse(text) if text else endings.DONE  # no arguments at all: the help was printed

@@ -1,6 +1,9 @@
 """The examples of README and of the page of short examples run as they stand."""
 
+import os
 import re
+import shlex
+import subprocess
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -67,9 +70,23 @@ def test_it_is_short_and_its_links_lead_somewhere():
     links = re.findall(r"\]\((?!https?://)([^)#]+)\)", TEXT)
     assert links
     assert not [link for link in links if not (PROJECT / link).exists()]
-    assert re.search(r"^    make demo ", TEXT, re.MULTILINE) and re.search(
-        r"^    make test ", TEXT, re.MULTILINE
-    )
+
+
+def test_ci_runs_its_commands_as_they_stand_there_and_none_of_their_recipes_twice():
+    """CI once ran `make test-all` in place of `make test`, which failed for every user."""
+    ours = re.findall(r"^    (make \w+) ", TEXT, re.MULTILINE)
+    assert ours == ["make demo", "make test"]
+    lines = (PROJECT / ".ci" / "run").read_text(encoding="utf-8").splitlines()
+    run = [line.partition("#")[0].strip() for line in lines if line.startswith("make ")]
+    assert set(ours) <= set(run)
+    recipes, settings = [], {k: v for k, v in os.environ.items() if k != "MAKEFLAGS"}
+    for command in run:
+        words = ["make", "-n", "--no-print-directory", "-o", ".venv/ready", *shlex.split(command)[1:]]
+        done = subprocess.run(words, cwd=PROJECT, capture_output=True, text=True, check=True, env=settings)
+        recipes += done.stdout.splitlines()
+    assert len(recipes) > 8 and len(set(recipes)) == len(recipes)
+    selected = [line.partition("-m pytest")[2] for line in recipes if "-m pytest" in line]
+    assert [text.partition(" -m ")[2] for text in selected] == ['"not slow"', "slow"]  # all tests, once
 
 
 @pytest.mark.parametrize("page", ["README.md", "docs/examples.md", "docs/evidence.md"])

@@ -29,8 +29,8 @@ def pages(into: Path) -> tuple[str, str]:
         "## Of all commands",
         table(("option", "what it does"), [_option(p) for p in group.params if not p.hidden]),
         group.epilog or "",
-        "`hovercontrol --install-completion` lets the Tab key complete commands, options and names (scenarios, craft, "
-        "effects) in bash, zsh, fish or PowerShell; `--show-completion` prints the script.",
+        "`hovercontrol --install-completion bash` lets the Tab key complete commands, options and names (scenarios, craft, "
+        "effects) in bash; zsh, fish, powershell and pwsh likewise. `--show-completion bash` prints the script.",
         toctree(f"commands/{name}" for name in names),
     )
     return "commands", f"{len(names)} commands"

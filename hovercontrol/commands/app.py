@@ -12,6 +12,7 @@ from hovercontrol.commands import (
     benchmark,
     check,
     cockpit,
+    completion,
     diagnose,
     export,
     identify,
@@ -29,6 +30,7 @@ app = typer.Typer(
     help="Model-based control of hovercraft: simulate, identify, diagnose, export, analyze.",
     epilog=STATUSES,
     no_args_is_help=True,
+    add_completion=False,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
@@ -37,6 +39,8 @@ app = typer.Typer(
 @app.callback(invoke_without_command=True)
 def _root(
     version: Annotated[bool, typer.Option("--version", help="Print the version and exit.")] = False,
+    install_completion: completion.Install = None,
+    show_completion: completion.Show = None,
 ) -> None:
     if version:
         from hovercontrol import __version__

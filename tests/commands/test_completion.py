@@ -1,9 +1,13 @@
 """Shell completion offers every command, option and name; Typer writes the scripts."""
 
+import os
 import shutil
 import subprocess
+import sys
+import unittest.mock
 
 import pytest
+import shellingham
 import typer
 from typer.testing import CliRunner
 
@@ -76,9 +80,40 @@ def test_the_scenarios_are_those_of_the_package():
     assert names.scenarios() == scenario_names()
 
 
-@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
-def test_the_script_of_each_shell_is_valid(shell):
-    text = CliRunner().invoke(app, ["--show-completion", shell], prog_name="hovercontrol").stdout
-    assert "_HOVERCONTROL_COMPLETE" in text
-    if shutil.which(shell):
-        subprocess.run([shell, "-n"], input=text, text=True, check=True, timeout=20)
+#: What a script contains only of its own shell.
+OWN = {"bash": "COMPREPLY", "zsh": "#compdef", "fish": "complete --command", "pwsh": "Register-Argument"}
+SHOW = f"{sys.executable} -m hovercontrol --show-completion"
+
+
+@pytest.mark.parametrize("shell", OWN)
+def test_the_script_is_that_of_the_shell_named_whatever_shell_runs_it(call, monkeypatch, shell):
+    """Typer's own option prints nothing where a parent is dash, and the parent's script elsewhere."""
+    nowhere = unittest.mock.Mock(side_effect=shellingham.ShellDetectionFailure)
+    for found in (("sh", "/bin/sh"), ("fish", "/usr/bin/fish"), nowhere):
+        detected = found if callable(found) else lambda *_, found=found: found
+        monkeypatch.setattr(shellingham, "detect_shell", detected)
+        done = call("--show-completion", shell)
+        assert (done.returncode, done.stderr) == (0, "")
+        assert "_HOVERCONTROL_COMPLETE" in done.stdout
+        assert [name for name, text in OWN.items() if text in done.stdout] == [shell]
+    if shell != "pwsh" and shutil.which(shell):
+        subprocess.run([shell, "-n"], input=done.stdout, text=True, check=True, timeout=20)
+
+
+@pytest.mark.parametrize("line", [f"{SHOW} 'bash'", f"true && {SHOW} bash; exit $?"])
+def test_a_makefile_gets_the_script(tmp_path, line):
+    """make hands a line with quotes, as those of `make test`, to /bin/sh."""
+    (tmp_path / "Makefile").write_text(f"all:\n\t@{line.replace('$', '$$')}\n")
+    for words in (["make", "-s"], ["sh", "-c", line]):
+        done = subprocess.run(words, cwd=tmp_path, env=os.environ | {"MAKEFLAGS": ""}, capture_output=True)
+        assert done.returncode == 0 and b"COMPREPLY" in done.stdout, done.stderr
+
+
+def test_it_is_installed_for_the_shell_named(call, monkeypatch, tmp_path):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setattr(shellingham, "detect_shell", lambda *_: ("sh", "/bin/sh"))
+    assert call("--install-completion", "zsh").returncode == 0
+    assert OWN["zsh"] in (tmp_path / ".zfunc" / "_hovercontrol").read_text()
+    for shell in ("tcsh", ""):
+        done = call("--install-completion", shell)
+        assert done.returncode == 2 and f"'{shell}' is not one of 'bash', 'zsh'" in done.stderr
