@@ -75,6 +75,7 @@ if TYPE_CHECKING:
     from hovercontrol.monitor.monitor import monitor
     from hovercontrol.monitor.replay import replay
     from hovercontrol.simulation.trajectory import simulate
+    from hovercontrol.targets.from_control import from_control
     from hovercontrol.targets.optimal_control import solve_ocp
     from hovercontrol.targets.trim import Trim
 
@@ -83,6 +84,7 @@ __version__ = "0.1.0"
 __all__ = [
     # the definition and the wiring
     "Block",
+    "from_control",
     "Signal",
     "time",
     "sgn",

@@ -14,9 +14,11 @@ from hovercontrol.controllers import operating_point
 from hovercontrol.controllers.friction_feedforward import Friction, frictions_at_rest
 from hovercontrol.controllers.reduction import closure, eliminated
 from hovercontrol.controllers.state_names import StateNames, is_angle
+from hovercontrol.core.arguments import whole_periods
 from hovercontrol.core.block import Block
 from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.io.tables import positive
 from hovercontrol.targets.friction_slopes import Point, Slope
 
 if TYPE_CHECKING:
@@ -26,7 +28,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-#: Largest rate of a state that counts as zero [its unit/s]: trims are solved to about 1e-9.
+#: Largest rate of a state that counts as zero [its unit/s, or per step]: trims are solved to about 1e-9.
 STEADY = 1e-5
 
 
@@ -57,13 +59,18 @@ class Design:
     inputs : tuple of Signal
         Inputs that are commanded; their start is the value at the operating point.
     A, B : ndarray, shapes (n_states, n_states) and (n_states, n_inputs)
-        ``(x - x0)' = A (x - x0) + B (u - u0)``
+        ``(x - x0)' = A (x - x0) + B (u - u0)``; of a sampled model the next value of ``x - x0``.
     integrals : tuple of Measured
         Quantities whose error is integrated.
     C : ndarray, shape (n_integrals, n_states)
         Each as a combination of the states.
     frictions : tuple of Friction
         Dry friction of states at rest, by index among `states`.
+    E : ndarray, shape (n_states, n_frictions)
+        How each friction acts on the states.
+    period : float
+        0 of a continuous model; of a sampled one, whose A, B and E give the next state, the time of a
+        step [s].
     """
 
     states: tuple[Measured, ...]
@@ -72,7 +79,9 @@ class Design:
     B: Array
     integrals: tuple[Measured, ...]
     C: Array
-    frictions: tuple[Friction, ...] = ()
+    frictions: tuple[Friction, ...]
+    E: Array
+    period: float
 
     @property
     def names(self) -> list[str]:
@@ -89,28 +98,42 @@ class Design:
         """The names of the inputs."""
         return [s.name for s in self.inputs]
 
-    def with_integrals(self, period: float | None = None) -> tuple[Array, Array]:
+    def over(self, where: str, period: float | None) -> Design:
+        """Return the model over a period [s], exact for inputs that hold; None: as it is.
+
+        Raises
+        ------
+        InputError
+            If the period is not positive, or no multiple of the step of a sampled model.
+        """
+        if period is None:
+            return self
+        acting = np.hstack([self.B, self.E])
+        positive(f"{where}: period", period)
+        if self.period:
+            # x(k + N) = A^N x(k) + (A^(N-1) + ... + I) B u
+            steps = whole_periods(f"{where}: period", period, self.period)
+            one, n = np.eye(acting.shape[1]), len(self.A)
+            whole = np.block([[self.A, acting], [np.zeros((len(one), n)), one]])
+            whole = np.linalg.matrix_power(whole, steps)
+            A, acting = whole[:n, :n], whole[:n, n:]
+        else:
+            A, acting, *_ = cont2discrete((self.A, acting, np.eye(len(acting)), 0.0 * acting), period)
+        m = len(self.inputs)
+        return replace(self, A=A, B=acting[:, :m], E=acting[:, m:], period=period)
+
+    def with_integrals(self) -> tuple[Array, Array]:
         """Return A and B of the states followed by the integrals, ``z' = C (x - x0)``.
 
-        With a period h [s] the states' are those of the exact discretisation with held inputs, and
-        ``z+ = z + h C (x - x0)``.
+        Of a model with the step h, ``z+ = z + h C (x - x0)``.
         """
         n, p, m = len(self.states), len(self.integrals), len(self.inputs)
-        A, B, C, own = self.A, self.B, self.C, np.zeros((p, p))
-        if period is not None:
-            A, B, *_ = cont2discrete((A, B, np.eye(n), np.zeros((n, m))), period)
-            C, own = period * C, np.eye(p)
-        return np.block([[A, np.zeros((n, p))], [C, own]]), np.vstack([B, np.zeros((p, m))])
+        C, own = (self.period * self.C, np.eye(p)) if self.period else (self.C, np.zeros((p, p)))
+        return np.block([[self.A, np.zeros((n, p))], [C, own]]), np.vstack([self.B, np.zeros((p, m))])
 
-    def disturbances(self, period: float | None = None) -> Array:
+    def disturbances(self) -> Array:
         """Return how each friction at rest acts on the states and integrals, shape (n, n_frictions)."""
-        E = np.zeros((len(self.states), len(self.frictions)))
-        for column, friction in enumerate(self.frictions):
-            E[friction.state, column] = friction.level
-        if period is not None and self.frictions:
-            n = len(E)
-            _, E, *_ = cont2discrete((self.A, E, np.eye(n), np.zeros_like(E)), period)
-        return np.vstack([E, np.zeros((len(self.integrals), E.shape[1]))])
+        return np.vstack([self.E, np.zeros((len(self.integrals), self.E.shape[1]))])
 
 
 def design_of(
@@ -134,7 +157,7 @@ def design_of(
     where : str
         Name of the design function, for error messages.
     plant : Block
-        Continuous.
+        Continuous or sampled.
     friction, amplitude
         As for :meth:`hovercontrol.Block.linearize`.
     states : sequence of str, optional
@@ -161,13 +184,14 @@ def design_of(
     A, B, C, D = operating_point.linear_model(plant, point, friction, amplitude)
     names = StateNames(where, plant)
     rates = operating_point.rates(plant, point)
+    moving = np.abs(rates) * max(plant.period, 1.0) > STEADY  # per second, or per step if that is longer
     columns = _columns(where, plant, inputs)
     rows, integrals = _integrals(where, plant, names, point, integrate, C, D[:, columns])
     hidden = set() if estimated else set(range(len(A))) - names.shown()
     if states is not None:
         kept = [names.index(s) for s in states]
     elif weighted is None:
-        kept = [k for k in range(len(A)) if abs(rates[k]) <= STEADY and k not in hidden]
+        kept = [k for k in range(len(A)) if not moving[k] and k not in hidden]
     else:
         needed = {k for row in rows for k in np.flatnonzero(row).tolist()}
         named = {names.index(s) for s in weighted} | needed
@@ -187,18 +211,22 @@ def design_of(
         plant.inputs[j].replace(start=_inside(where, plant.inputs[j], point.u[j])) for j in columns
     )
     for k in kept:
-        if abs(rates[k]) > STEADY:
+        if moving[k]:
             s = plant.states[k]
             raise InputError(
                 f"{where}: {s.name} moves by {rates[k]:.3g} {s.unit} per second at the operating"
                 " point and has no constant setpoint; leave it out of the states and weights"
             )
-    A, B = eliminated(where, A, B[:, columns], kept, hidden, [s.name for s in plant.states])
+    sampled, every = plant.period > 0.0, [s.name for s in plant.states]
+    A, B = eliminated(where, A, B[:, columns], kept, hidden, every, sampled=sampled)
     C_kept = np.array([row[kept] for row in rows]).reshape(len(rows), len(kept))
     frictions = tuple(
         replace(f, state=kept.index(f.state)) for f in frictions_at_rest(plant, point, kept) if compensate
     )
-    return Design(chosen, commanded, A, B, integrals, C_kept, frictions)
+    E = np.zeros((len(kept), len(frictions)))
+    for column, at_rest in enumerate(frictions):
+        E[at_rest.state, column] = at_rest.level
+    return Design(chosen, commanded, A, B, integrals, C_kept, frictions, E, plant.period)
 
 
 def _columns(where: str, plant: Block, inputs: Iterable[str] | None) -> list[int]:

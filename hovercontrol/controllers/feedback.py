@@ -25,8 +25,8 @@ class Form:
 
     Parameters
     ----------
-    period : float or None
-        Sample time [s]; None for a continuous controller.
+    period : float
+        Sample time [s]; 0 for a continuous controller.
     limits : bool
         Whether commands stay within the bounds of the plant's inputs.
     measured : str
@@ -35,7 +35,7 @@ class Form:
         Of the Block.
     """
 
-    period: float | None
+    period: float
     limits: bool
     measured: str
     name: str
@@ -111,7 +111,7 @@ def state_feedback(design: Design, gains: Gains, form: Form, *, applied: bool = 
         parameters=(*parameters, *part.widths, *more),
         derivatives=updates,
         definitions=definitions,
-        period=form.period or 0.0,
+        period=form.period,
     )
 
 

@@ -11,7 +11,7 @@ from scipy.linalg import cholesky
 
 from hovercontrol.controllers.design import Design, by_name, design_of
 from hovercontrol.controllers.feedback import Gains, state_feedback
-from hovercontrol.controllers.state_feedback import form_of, named, optimal_gains
+from hovercontrol.controllers.state_feedback import form_of, named, optimal_gains, refuse_unsolvable
 from hovercontrol.controllers.weights import Weights, chosen_weights, weight_matrix
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
@@ -57,7 +57,7 @@ def lqi(
     Parameters
     ----------
     plant : Block
-        Continuous.
+        Continuous or sampled.
     trim : Trim, control.OperatingPoint or mapping
         As for :func:`lqr`.
     Q : mapping or array_like, scalar, shape (n,) or (n, n), optional
@@ -139,28 +139,30 @@ def lqi(
         "lqi: Q", named(design, Q, plant), [*design.names, *design.integral_names], definite=False
     )
     r = weight_matrix("lqi: R", R, design.input_names, definite=True)
-    K, F = optimal_gains("lqi", design, q, r, period)
+    refuse_unsolvable("lqi", design, q)
+    design = design.over("lqi", period)
+    K, F = optimal_gains("lqi", design, q, r)
     n = len(design.states)
     time = tracking_time if tracking_time is None else positive("lqi: tracking_time", tracking_time)
-    time = time or _time_constant(design, K, period)
-    if period is not None and time < period:
-        raise InputError(f"lqi: tracking_time must be the period {period:g} s or more, found {time:g}")
+    time = time or _time_constant(design, K)
+    if time < design.period:
+        raise InputError(f"lqi: tracking_time must be the period {design.period:g} s or more, found {time:g}")
     windup = _back_calculation(K[:, n:], q[n:, n:], r) / time
     return state_feedback(
         design,
         Gains(K[:, :n], K[:, n:], windup, F),
-        form_of("lqi", period, limits, measured, name),
+        form_of("lqi", design, limits, measured, name),
         applied=applied,
     )
 
 
-def _time_constant(design: Design, K: Array, period: float | None) -> float:
+def _time_constant(design: Design, K: Array) -> float:
     """Return the inverse of the geometric mean of the loop's poles' magnitudes [s]; a period or more."""
-    A, B = design.with_integrals(period)
-    poles = np.linalg.eigvals(A - B @ K)
-    if period is not None:
-        poles = np.log(poles.astype(complex)) / period
-    return max(float(np.exp(-np.mean(np.log(np.abs(poles))))), period or 0.0)
+    A, B = design.with_integrals()
+    poles = np.linalg.eigvals(A - B @ K).astype(complex)
+    with np.errstate(divide="ignore"):
+        speeds = np.log(np.abs(np.log(poles) / design.period if design.period else poles))
+    return max(float(np.exp(-np.mean(speeds))), design.period)
 
 
 def _back_calculation(K_i: Array, Q_i: Array, R: Array) -> Array:

@@ -5,21 +5,41 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.errors import InputError
 
 Array = NDArray[np.float64]
 
-#: Smallest singular value of ``[A - s I, B]``, relative to the largest, that counts as full rank.
+#: Smallest singular value of ``[A - s I, B]``, relative to the size of ``[A, B]``, that counts as full rank.
 RANK = 1e-9
 
-#: A mode decays if its pole lies left of this [1/s].
+#: A mode decays if it grows by less than this [1/s; of a sampled plant per step].
 DECAYS = -1e-7
 
 
+def growth(poles: ArrayLike, sampled: bool) -> Array:
+    """Return how fast modes grow: Re s [1/s] of continuous poles, ln abs(z) per step of sampled ones.
+
+    Examples
+    --------
+    >>> growth([-2.0 + 1.0j], False).item(), growth([0.5j], True).item()
+    (-2.0, -0.6931471805599453)
+    """
+    values = np.asarray(poles, dtype=complex)
+    with np.errstate(divide="ignore"):
+        return np.log(np.abs(values)) if sampled else values.real
+
+
 def refuse_unmovable(
-    where: str, A: Array, B: Array, names: Sequence[str], inputs: Sequence[str], *, every: bool
+    where: str,
+    A: Array,
+    B: Array,
+    names: Sequence[str],
+    inputs: Sequence[str],
+    *,
+    every: bool,
+    sampled: bool = False,
 ) -> None:
     """Raise if a system has an uncontrollable mode.
 
@@ -28,11 +48,13 @@ def refuse_unmovable(
     where : str
         Of the error.
     A, B : ndarray, shapes (n, n) and (n, m)
-        Of a continuous system.
+        Of the derivatives, or of the next values of a sampled plant.
     names, inputs : sequence of str
         Of the states and inputs.
     every : bool
         Whether all modes must be movable (pole placement), or only those that do not decay.
+    sampled : bool, optional
+        Whether the plant is sampled.
 
     Raises
     ------
@@ -48,45 +70,50 @@ def refuse_unmovable(
     ...     print(str(error).partition(";")[0])
     lqr: rudder cannot move the mode at 0 1/s, the state combination y
     """
-    found = hidden_mode(A, B, every=every)
+    found = hidden_mode(A, B, every=every, sampled=sampled)
     if found is not None:
         pole, left = found
         raise InputError(
-            f"{where}: {' and '.join(inputs)} cannot move the mode at {_pole(pole)} 1/s, "
+            f"{where}: {' and '.join(inputs)} cannot move the mode at {_pole(pole, sampled)}, "
             f"the state combination {combination(left, names)}; "
             "leave it out (states=...) or choose another operating point"
         )
 
 
-def refuse_unweighted(where: str, A: Array, Q: Array, names: Sequence[str]) -> None:
-    """Raise if the weights do not observe a mode on the imaginary axis: no optimal control stabilises it.
+def refuse_unweighted(where: str, A: Array, Q: Array, names: Sequence[str], *, sampled: bool = False) -> None:
+    """Raise if the weights do not observe a mode that neither grows nor decays.
+
+    No optimal control stabilises such a mode, on the imaginary axis or, sampled, on the unit circle.
+
 
     Parameters
     ----------
     where : str
         Of the error.
     A, Q : ndarray, shape (n, n)
-        Of a continuous system, and the states' weights.
+        Of the derivatives, or of the next values of a sampled plant, and the states' weights.
     names : sequence of str
         Of the states.
+    sampled : bool, optional
+        Whether the plant is sampled.
 
     Raises
     ------
     InputError
         Naming the mode's pole and its states.
     """
-    found = hidden_mode(A.T, Q.T, every=False, on_axis=True)
+    found = hidden_mode(A.T, Q.T, every=False, on_axis=True, sampled=sampled)
     if found is not None:
         pole, right = found
         raise InputError(
-            f"{where}: Q does not weight the mode at {_pole(pole)} 1/s, "
+            f"{where}: Q does not weight the mode at {_pole(pole, sampled)}, "
             f"which moves {combination(right, names)}; "
             "give one of these a weight or leave it out (states=...)"
         )
 
 
 def hidden_mode(
-    A: Array, B: Array, *, every: bool, on_axis: bool = False
+    A: Array, B: Array, *, every: bool, on_axis: bool = False, sampled: bool = False
 ) -> tuple[complex, NDArray[np.complex128]] | None:
     """Return the pole and the left eigenvector of a mode that B does not enter, None if there is none.
 
@@ -99,14 +126,19 @@ def hidden_mode(
         Whether modes that decay count.
     on_axis : bool, optional
         Whether modes that grow do not count.
+    sampled : bool, optional
+        Whether A and B are of the next values.
     """
-    for pole in sorted(np.linalg.eigvals(A), key=lambda s: -s.real):
-        if (pole.real < DECAYS and not every) or (pole.real > -DECAYS and on_axis):
+    poles, one = np.linalg.eigvals(A), np.eye(len(A))
+    speeds = growth(poles, sampled)
+    # of a map the change per step, A - I, has the size that A has in continuous time
+    size = np.linalg.norm(np.hstack([A - one if sampled else A, B]), 2)
+    for k in np.argsort(-speeds, kind="stable"):
+        if (speeds[k] < DECAYS and not every) or (speeds[k] > -DECAYS and on_axis):
             continue
-        test = np.hstack([A - pole * np.eye(len(A)), B])
-        U, sizes, _ = np.linalg.svd(test)
-        if sizes[-1] <= RANK * max(sizes[0], 1.0):
-            return complex(pole), U[:, -1].conj()
+        U, sizes, _ = np.linalg.svd(np.hstack([A - poles[k] * one, B]))
+        if sizes[-1] <= RANK * size:
+            return complex(poles[k]), U[:, -1].conj()
     return None
 
 
@@ -131,7 +163,7 @@ def combination(vector: NDArray[np.complex128], names: Sequence[str]) -> str:
     return text
 
 
-def _pole(pole: complex) -> str:
-    if abs(pole) < -DECAYS:
-        return "0"
-    return f"{pole.real:.3g}" if abs(pole.imag) < -DECAYS else f"{pole.real:.3g} +- {abs(pole.imag):.3g}i"
+def _pole(pole: complex, sampled: bool) -> str:
+    real, imaginary = (0.0 if abs(part) < -DECAYS else part for part in (pole.real, pole.imag))
+    text = f"{real:.3g} +- {abs(imaginary):.3g}i" if imaginary else f"{real:.3g}"
+    return f"z = {text}" if sampled else f"{text} 1/s"

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from hovercontrol.core.block import Block
 from hovercontrol.targets.friction_slopes import Point, Slope
+from hovercontrol.targets.trim_conditions import with_rates
 
 if TYPE_CHECKING:
     import control
@@ -25,7 +26,7 @@ def point_of(plant: Block, trim: Trim | control.OperatingPoint | Mapping[str, fl
     Raises
     ------
     InputError
-        If the plant is sampled or hybrid, an input acts late, a name is unknown, or a number of values is
+        If the plant has parts that tick, an input acts late, a name is unknown, or a number of values is
         wrong.
 
     Examples
@@ -36,14 +37,18 @@ def point_of(plant: Block, trim: Trim | control.OperatingPoint | Mapping[str, fl
     """
     from hovercontrol.targets.linearization import given_point  # python-control takes a second
 
-    plant.need_continuous("controller design", hybrid=False)
+    plant.need_no_ticks("controller design")
     plant.need_prompt_inputs("a controller design")
     return given_point(plant, trim)
 
 
 def rates(plant: Block, point: Point) -> Array:
-    """Return the states' derivatives at an operating point, shape (n_states,)."""
-    return plant.to_numpy().derivatives(point.t, point.x, point.u, point.params)
+    """Return the states' derivatives at an operating point, shape (n_states,) [unit/s].
+
+    Of a sampled plant the change of a step over the period.
+    """
+    change = with_rates(plant).to_numpy().derivatives(point.t, point.x, point.u, point.params)
+    return change / (plant.period or 1.0)
 
 
 def outputs(plant: Block, point: Point) -> Array:

@@ -7,6 +7,7 @@ from collections.abc import Collection, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from hovercontrol.controllers.modes import growth
 from hovercontrol.errors import InputError
 
 Array = NDArray[np.float64]
@@ -42,13 +43,22 @@ def closure(A: Array, kept: Collection[int], through: Collection[int] | None = N
 
 
 def eliminated(
-    where: str, A: Array, B: Array, kept: Sequence[int], hidden: Collection[int], names: Sequence[str]
+    where: str,
+    A: Array,
+    B: Array,
+    kept: Sequence[int],
+    hidden: Collection[int],
+    names: Sequence[str],
+    *,
+    sampled: bool = False,
 ) -> tuple[Array, Array]:
     """Return A and B of the kept states with hidden states taken as infinitely fast.
 
     A hidden state z equals no output. With ``z' = A_zx x + A_zz z + B_z u = 0``::
 
         A = A_xx - A_xz A_zz^-1 A_zx        B = B_x - A_xz A_zz^-1 B_z
+
+    Of a sampled plant ``x+ = A x + B u`` the same holds of the change per step, with A - I in place of A.
 
     Parameters
     ----------
@@ -59,6 +69,8 @@ def eliminated(
         Indices of states. Others are held at the operating point.
     names : sequence of str
         Of all states.
+    sampled : bool, optional
+        Whether A and B are of the next values.
 
     Raises
     ------
@@ -72,16 +84,16 @@ def eliminated(
     (array([[0.]]), array([[2.]]))
     """
     z = [k for k in closure(A, kept, hidden) if k in hidden and k not in kept]
-    A_xx, B_x = A[np.ix_(kept, kept)], B[kept]
     if not z:
-        return A_xx, B_x
-    A_zz = A[np.ix_(z, z)]
-    if np.linalg.eigvals(A_zz).real.max() > -1e-6:
+        return A[np.ix_(kept, kept)], B[kept]
+    if growth(np.linalg.eigvals(A[np.ix_(z, z)]), sampled).max() > -1e-6:
         raise InputError(
             f"{where}: no output shows {' and '.join(names[k] for k in z)}, which does not decay by itself; "
             "estimate it (measured='{}_hat')"
         )
-    A_xz = A[np.ix_(kept, z)]
+    one = np.eye(len(kept)) if sampled else 0.0
+    A = A - np.eye(len(A)) if sampled else A
+    A_xx, A_xz, A_zz = A[np.ix_(kept, kept)], A[np.ix_(kept, z)], A[np.ix_(z, z)]
     follow = np.linalg.solve(A_zz, np.hstack([A[np.ix_(z, kept)], B[z]]))
     n = len(kept)
-    return A_xx - A_xz @ follow[:, :n], B_x - A_xz @ follow[:, n:]
+    return one + A_xx - A_xz @ follow[:, :n], B[kept] - A_xz @ follow[:, n:]

@@ -44,7 +44,7 @@ def gain_scheduled(
     Parameters
     ----------
     plant : Block
-        Continuous.
+        Continuous or sampled.
     trims : sequence of Trim, control.OperatingPoint or mapping
         Two or more, with different values of the scheduling variable; their order does not matter.
     design : callable

@@ -20,7 +20,6 @@ from hovercontrol.controllers.weights import Weights, chosen_weights, weight_mat
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
-from hovercontrol.io.tables import positive
 from hovercontrol.targets.friction_slopes import Slope
 
 if TYPE_CHECKING:
@@ -52,12 +51,12 @@ def lqr(
     """Return the linear-quadratic regulator about an operating point.
 
     It minimises the integral of ``dx' Q dx + du' R du`` of the linearised plant; for a sampled controller the
-    sum over the samples, with inputs held in between.
+    sum over the samples, with inputs held in between, and for a sampled plant the sum over its steps.
 
     Parameters
     ----------
     plant : Block
-        Continuous.
+        Continuous, or sampled; the controller of a sampled plant is sampled, too.
     trim : Trim, control.OperatingPoint or mapping
         The operating point: ``plant.trim(...)``, a ``control.OperatingPoint``, or values of states and inputs
         by name [their units].
@@ -74,7 +73,8 @@ def lqr(
         that do not move at the operating point. Of these only such as an output shows; others (lags of
         actuators) are taken to follow their inputs at once.
     period : float, optional
-        Of a sampled controller [s]: designed on the exact discretisation with held inputs.
+        Of a sampled controller [s]: designed on the exact discretisation with held inputs. Of a sampled plant
+        a multiple of its period (default: its period).
     friction : {"none", "smooth", "describing"}, optional
         How dry friction enters the linear model. "none": as a constant force without damping, which holds for
         every velocity beyond the smoothing width; take it for a craft under way, also for its sway and yaw
@@ -138,8 +138,10 @@ def lqr(
     )
     q = weight_matrix("lqr: Q", named(design, Q, plant), design.names, definite=False)
     r = weight_matrix("lqr: R", R, design.input_names, definite=True)
-    K, F = optimal_gains("lqr", design, q, r, period)
-    return state_feedback(design, without_integrals(K, F), form_of("lqr", period, limits, measured, name))
+    refuse_unsolvable("lqr", design, q)
+    design = design.over("lqr", period)
+    K, F = optimal_gains("lqr", design, q, r)
+    return state_feedback(design, without_integrals(K, F), form_of("lqr", design, limits, measured, name))
 
 
 @checked
@@ -162,12 +164,13 @@ def place(
     Parameters
     ----------
     plant : Block
-        Continuous.
+        Continuous, or sampled; the controller of a sampled plant is sampled, too.
     trim : Trim, control.OperatingPoint or mapping
         As for :func:`lqr`.
     poles : array_like, shape (n_states,)
         Poles of the loop [1/s], complex ones in pairs; a pole repeated at most as often as there are inputs.
-        Those of a sampled controller are placed at exp(pole * period).
+        Those of a sampled controller of a continuous plant are placed at exp(pole * period). Those of a
+        sampled plant are given as z, inside the unit circle.
     states : sequence of str, optional
         The states that are fed back (default: all that do not move at the operating point).
     inputs : sequence of str, optional
@@ -183,8 +186,8 @@ def place(
     Raises
     ------
     InputError
-        If a name is unknown, no input moves a mode, or the poles are not as many as the states or not in
-        pairs.
+        If a name is unknown, no input moves a mode, or the poles are not as many as the states, not in pairs
+        or, of a sampled plant, not inside the unit circle.
 
     References
     ----------
@@ -215,22 +218,41 @@ def place(
         raise InputError(
             f"place: expected {n} poles for the states {', '.join(design.names)}, found {wanted.size}"
         )
-    refuse_unmovable("place", design.A, design.B, design.names, design.input_names, every=True)
-    if period is not None:
-        positive("place: period", period)
-    A, B = design.with_integrals(period)
+    refuse_unmovable(
+        "place", design.A, design.B, design.names, design.input_names, every=True, sampled=design.period > 0.0
+    )
+    if design.period and np.abs(wanted).max() >= 1.0:
+        found = ", ".join(f"{pole.real:g}{f'{pole.imag:+g}j' if pole.imag else ''}" for pole in wanted)
+        raise InputError(
+            f"place: poles: those of a sampled plant lie inside the unit circle, found {found}; "
+            f"a pole s [1/s] is exp({design.period:g} s)"
+        )
+    held = design.over("place", period)
+    A, B = held.with_integrals()
     try:
-        K = place_poles(A, B, np.exp(wanted * period) if period else wanted).gain_matrix
+        poles = np.exp(wanted * held.period) if held.period and not design.period else wanted
+        K = place_poles(A, B, poles).gain_matrix
     except ValueError as error:
         raise InputError(f"place: poles: {error}") from None
-    return state_feedback(
-        design, without_integrals(K, np.zeros((len(K), 0))), form_of("place", period, limits, measured, name)
-    )
+    gains = without_integrals(K, np.zeros((len(K), 0)))
+    return state_feedback(held, gains, form_of("place", held, limits, measured, name))
 
 
-def optimal_gains(
-    where: str, design: Design, Q: Array, R: Array, period: float | None
-) -> tuple[Array, Array]:
+def refuse_unsolvable(where: str, design: Design, Q: Array) -> None:
+    """Raise if no input moves a mode that does not decay, or no weight sees one that keeps its size.
+
+    Raises
+    ------
+    InputError
+        Naming the mode.
+    """
+    A, B = design.with_integrals()
+    names, sampled = [*design.names, *design.integral_names], design.period > 0.0
+    refuse_unmovable(where, A, B, names, design.input_names, every=False, sampled=sampled)
+    refuse_unweighted(where, A, Q, names, sampled=sampled)
+
+
+def optimal_gains(where: str, design: Design, Q: Array, R: Array) -> tuple[Array, Array]:
     """Return the optimal gains on states and integrals, and the optimal commands against friction.
 
     Shapes (n_inputs, n_states + n_integrals) and (n_inputs, n_frictions).
@@ -243,16 +265,12 @@ def optimal_gains(
     import control  # takes a second
 
     A, B = design.with_integrals()
-    names = [*design.names, *design.integral_names]
-    refuse_unmovable(where, A, B, names, design.input_names, every=False)
-    refuse_unweighted(where, A, Q, names)
-    if period is not None:
-        A, B = design.with_integrals(positive(f"{where}: period", period))
+    sampled = design.period > 0.0
     try:
-        K, P, _ = (control.dlqr if period else control.lqr)(A, B, Q, R)
+        K, P, _ = (control.dlqr if sampled else control.lqr)(A, B, Q, R)
     except (np.linalg.LinAlgError, ValueError) as error:
         raise InputError(f"{where}: the Riccati equation has no stabilising solution: {error}") from None
-    F = feedforward(A, B, design.disturbances(period), K, P, R, sampled=period is not None)
+    F = feedforward(A, B, design.disturbances(), K, P, R, sampled=sampled)
     return np.asarray(K, dtype=float), F
 
 
@@ -261,11 +279,11 @@ def without_integrals(K: Array, F: Array) -> Gains:
     return Gains(K, np.zeros((len(K), 0)), np.zeros((0, len(K))), F)
 
 
-def form_of(where: str, period: float | None, limits: bool, measured: str, name: str) -> Form:
+def form_of(where: str, design: Design, limits: bool, measured: str, name: str) -> Form:
     """Return the options of the realisation; check the arguments."""
     if "{}" not in measured:
         raise InputError(f"{where}: measured: expected a text with {{}} for the name, found {measured!r}")
-    return Form(period, limits, measured, name)
+    return Form(design.period, limits, measured, name)
 
 
 def named(design: Design, given: Any, plant: Block) -> Any:

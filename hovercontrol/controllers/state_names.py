@@ -7,6 +7,7 @@ import sympy as sp
 from hovercontrol.core.block import Block
 from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.targets.trim_conditions import with_rates
 
 
 class StateNames:
@@ -70,5 +71,6 @@ def is_angle(plant: Block, state: Signal) -> bool:
     if state.unit != "rad":
         return False
     turn = {state.symbol: state.symbol + 2 * sp.pi}
-    expanded = (plant.expand(e) for e in plant.derivatives.values())
+    plain = with_rates(plant)  # a sampled heading's next value turns with it, its change does not
+    expanded = (plain.expand(e) for e in plain.derivatives.values())
     return all(e.xreplace(turn) == e for e in expanded)

@@ -28,6 +28,34 @@ def at_least(where: str, value: int, least: int = 0) -> int:
     return value
 
 
+def whole_periods(where: str, given: float, period: float) -> int:
+    """Return how many periods of a sampled plant a time is.
+
+    Parameters
+    ----------
+    given, period : float
+        [s]
+
+    Raises
+    ------
+    InputError
+        If it is not a whole number of periods; the nearest one is named.
+
+    Examples
+    --------
+    >>> whole_periods("lqr: period", 0.15, 0.05)
+    3
+    """
+    count = round(given / period)
+    if count < 1 or abs(given - count * period) > 1e-9 * given:
+        nearest = max(count, 1) * period
+        raise InputError(
+            f"{where}: expected a multiple of the plant's period, {period:g} s, found {given:g} s; "
+            f"the nearest is {nearest:g} s"
+        )
+    return count
+
+
 def as_row(where: str, value: ArrayLike, length: int | None = None) -> Array:
     """Return numbers as an array of shape (n,).
 

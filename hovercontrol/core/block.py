@@ -148,7 +148,23 @@ class Block(Backends):
                     "measures and drives"
                 )
             )
-        if self.ticks and not hybrid:
+        if not hybrid:
+            self.need_no_ticks(what)
+
+    def need_no_ticks(self, what: str) -> None:
+        """Refuse a hybrid Block, continuous in parts and sampled in parts; raises :class:`InputError`.
+
+        Parameters
+        ----------
+        what : str
+            What it has not; a continuous and a sampled Block have it.
+
+        Raises
+        ------
+        InputError
+            If the Block is hybrid.
+        """
+        if self.ticks:
             raise InputError(self.where(f"it has parts that tick and therefore no {what}"))
 
     def need_prompt_inputs(self, what: str) -> None:

@@ -1,0 +1,148 @@
+"""Designs for plants that are sampled themselves, against SciPy's Riccati equation and python-control."""
+
+from functools import partial
+
+import control as ct
+import numpy as np
+import pytest
+import scipy.linalg
+
+import hovercontrol as hc
+from hovercontrol.errors import InputError
+
+H = 0.1
+
+
+def linear(A, B, C=None):
+    """The plant x[k+1] = A x + B u, every state measured."""
+    n, m = np.shape(B)
+    x, u = [f"x{k}" for k in range(n)], [f"u{k}" for k in range(m)]
+    C = np.eye(n) if C is None else np.array(C, dtype=float)
+    return hc.from_control(ct.ss(A, B, C, 0, H, states=x, inputs=u, outputs=x[: len(C)], name="plant"))
+
+
+def drawn(seed=3, n=3, m=2):
+    """A random plant with an unstable mode."""
+    rng = np.random.default_rng(seed)
+    A, B = rng.normal(size=(n, n)), rng.normal(size=(n, m))
+    return A * 1.2 / np.abs(np.linalg.eigvals(A)).max(), B
+
+
+def gains(block, states, inputs):
+    found = block.default_parameters
+    return np.array([[found[f"controller.K_{u}_{x}"] for x in states] for u in inputs])
+
+
+def riccati(A, B, Q, R):
+    P = scipy.linalg.solve_discrete_are(A, B, Q, R)
+    return np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A)
+
+
+STATES, INPUTS, REST = ["x0", "x1", "x2"], ["u0", "u1"], {"x0": 0.0}
+Q, R = {"x0": 1.0, "x1": 2.0, "x2": 0.5}, {"u0": 1.0, "u1": 3.0}
+QM, RM = np.diag([1.0, 2.0, 0.5]), np.diag([1.0, 3.0])
+
+
+def test_lqr_solves_the_discrete_riccati_equation_and_is_sampled_like_the_plant():
+    A, B = drawn()
+    hold = hc.lqr(linear(A, B), REST, Q, R)
+    assert hold.period == H
+    assert gains(hold, STATES, INPUTS) == pytest.approx(riccati(A, B, QM, RM), rel=1e-9)
+    poles = hc.interconnect([linear(A, B), hold]).linearize(np.zeros(3)).poles()
+    assert np.sort_complex(poles) == pytest.approx(np.sort_complex(ct.dlqr(A, B, QM, RM)[2]), abs=1e-9)
+
+
+def test_a_slower_controller_is_designed_on_the_steps_in_between():
+    A, B = drawn()
+    A3, B3 = A @ A @ A, B + A @ B + A @ A @ B
+    hold = hc.lqr(linear(A, B), REST, Q, R, period=3 * H)
+    assert hold.period == pytest.approx(3 * H)
+    assert gains(hold, STATES, INPUTS) == pytest.approx(riccati(A3, B3, QM, RM), rel=1e-9)
+
+
+def test_lqi_sums_the_error_over_the_steps():
+    A, B = drawn(m=1)
+    plant = linear(A, B)
+    hold = hc.lqi(plant, REST, Q | {"integral_x0": 4.0}, {"u0": 1.0}, integrate="x0", limits=False)
+    Aa = np.block([[A, np.zeros((3, 1))], [H, 0.0, 0.0, 1.0]])
+    K = riccati(Aa, np.vstack([B, [[0.0]]]), np.diag([1.0, 2.0, 0.5, 4.0]), np.eye(1))
+    assert gains(hold, [*STATES, "integral_x0"], ["u0"]) == pytest.approx(K, rel=1e-8)
+    loop = hc.interconnect([plant, hold])
+    run = loop.to_control().dynamics
+    x = np.zeros(4)
+    goal = [1.0 if s.name == "x0_ref" else 0.0 for s in loop.inputs]
+    for _ in range(400):
+        x = run(0.0, x, goal)
+    assert x[0] == pytest.approx(1.0, abs=1e-9)
+
+
+def test_place_takes_poles_in_the_z_plane():
+    A, B = drawn(m=1)
+    wanted = [0.5, 0.4 + 0.2j, 0.4 - 0.2j]
+    hold = hc.place(linear(A, B), REST, wanted)
+    found = np.linalg.eigvals(A - B @ gains(hold, STATES, ["u0"]))
+    assert np.sort_complex(found) == pytest.approx(np.sort_complex(wanted), abs=1e-9)
+
+
+def test_a_sampled_heading_is_an_angle_and_a_moving_position_is_left_free():
+    x, psi, r, u = (
+        hc.Signal(n, unit) for n, unit in (("x", "m"), ("psi", "rad"), ("r", "rad/s"), ("u", "m/s^2"))
+    )
+    h, k, speed = (
+        hc.Signal("h", "s", start=H),
+        hc.Signal("k", "rad/m", start=0.5),
+        hc.Signal("speed", "m/s", start=2.0),
+    )
+    craft = hc.Block(
+        "craft", [x, psi, r], [u], [x, psi, r], [h, k, speed],
+        {
+            "x": x.symbol + h.symbol * speed.symbol,
+            "psi": psi.symbol + h.symbol * r.symbol,
+            "r": r.symbol + h.symbol * k.symbol * u.symbol,
+        },
+        period=H,
+    )  # fmt: skip
+    hold = hc.lqr(craft, craft.trim({"psi": 0.0, "r": 0.0}), [1.0, 1.0], 1.0)
+    assert [s.name for s in hold.inputs if not s.name.endswith("_ref")] == ["psi", "r"]
+    assert "atan2" in hold.equations().splitlines()[0]
+    assert riccati(
+        np.array([[1.0, H], [0.0, 1.0]]), np.array([[0.0], [0.5 * H]]), np.eye(2), np.eye(1)
+    ) == pytest.approx(gains(hold, ["psi", "r"], ["u"]))
+
+
+def test_a_lag_that_no_output_shows_is_taken_to_follow_at_once():
+    plant = linear([[0.9, 0.2], [0.0, 0.5]], [[0.0], [0.5]], [[1.0, 0.0]])
+    hold = hc.lqr(plant, {"x0": 0.0, "u0": 0.0}, {"x0": 1.0}, {"u0": 1.0})
+    # x1 = u0 in steps: x0+ = 0.9 x0 + 0.2 u0
+    one = np.eye(1)
+    assert gains(hold, ["x0"], ["u0"]) == pytest.approx(riccati(0.9 * one, 0.2 * one, one, one))
+
+
+def test_gain_scheduling_takes_sampled_designs():
+    y, c = hc.Signal("y", "1"), hc.Signal("c", "1")
+    bent = hc.Block("bent", [y], [c], [y], [], {"y": y.symbol - 0.1 * y.symbol**3 + 0.2 * c.symbol}, period=H)
+    trims = [bent.trim({"y": value}) for value in (0.0, 1.0)]
+    hold = hc.gain_scheduled(bent, trims, partial(hc.lqr, Q={"y": 1.0}, R={"c": 1.0}), schedule="y")
+    one = np.eye(1)
+    for k, a in enumerate((1.0, 0.7)):
+        K = riccati(a * one, 0.2 * one, one, one).item()
+        assert hold.default_parameters[f"controller.K_c_y_{k}"] == pytest.approx(K)
+    assert hold.period == H
+
+
+@pytest.mark.parametrize(
+    ("design", "text"),
+    [
+        (lambda p: hc.lqr(p, REST, Q, R, period=0.25),
+         "expected a multiple of the plant's period, 0.1 s, found 0.25 s"),
+        (lambda p: hc.place(p, REST, [-1.0, -2.0, -3.0]), "inside the unit circle, found -1, -2, -3"),
+        (lambda p: hc.lqr(linear(np.diag([1.1, 0.5]), [[0.0], [1.0]]), {"x0": 0.0}, 1.0, 1.0),
+         "u0 cannot move the mode at z = 1.1, the state combination x0"),
+        (lambda p: hc.lqr(linear([[1.0, 0.0], [0.0, 0.5]], np.eye(2)), {"x0": 0.0}, [0.0, 1.0], 1.0),
+         "Q does not weight the mode at z = 1, which moves x0"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_designed_is_told_in_one_line(design, text):
+    with pytest.raises(InputError) as caught:
+        design(linear(*drawn()))
+    assert text in str(caught.value) and "\n" not in str(caught.value)
