@@ -93,7 +93,7 @@ def with_disturbances(
 @checked
 def disturbance_observer(
     plant: AnyModel,
-    measured: Sequence[str] = ("x", "y", "psi"),
+    measured: Sequence[str] | None = None,
     *,
     disturbance_noise: Mapping[str, float],
     measurement_noise: Mapping[str, float],
@@ -112,7 +112,7 @@ def disturbance_observer(
     plant : Model, BlockModel or Block
         Continuous. Its start values are the first estimate; disturbances start at 0.
     measured : sequence of str, optional
-        Outputs, or states, of the plant.
+        Outputs, or states, of the plant (default: the keys of `measurement_noise`, in their order).
     disturbance_noise : mapping of str to float
         By the names of the states whose derivatives are disturbed: the square root of the spectral density of
         the disturbance's derivative [unit of the state / s / s^(1/2)]. With ``{"u": 0.1}`` the disturbance of

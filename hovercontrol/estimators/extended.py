@@ -40,7 +40,7 @@ from hovercontrol.models.interface import AnyModel
 @checked
 def extended_kalman(
     plant: AnyModel,
-    measured: Sequence[str] = ("x", "y", "psi"),
+    measured: Sequence[str] | None = None,
     *,
     process_noise: Mapping[str, float],
     measurement_noise: Mapping[str, float],
@@ -57,7 +57,7 @@ def extended_kalman(
     plant : Model, BlockModel or Block
         Continuous. Its start values are the first estimate.
     measured : sequence of str, optional
-        Outputs, or states, of the plant. Innovations in rad are wrapped to -pi ... pi.
+        Outputs, or states, of the plant (default: the keys of `measurement_noise`, in their order). Innovations in rad are wrapped to -pi ... pi.
     process_noise : mapping of str to float
         White noise in the derivatives of states, by the states' names: the square root of its spectral
         density [unit of the state / s^(1/2)]. ``{"u": 0.1}`` [m/s^(3/2)] alone gives u a random walk with a
@@ -129,7 +129,7 @@ def extended_kalman(
         continuous=period is None,
         lost_samples=lost_samples,
     )
-    warn_if_undetectable(block, measured, name)
+    warn_if_undetectable(block, [s.name for s in model.measured], name)
     states = filter_states(model)
     estimate = estimate_of(states, len(block.states))
     if period is None:

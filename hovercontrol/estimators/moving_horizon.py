@@ -187,7 +187,7 @@ class MovingHorizon(control.optimal.OptimalEstimationProblem):
 @checked
 def moving_horizon(
     plant: AnyModel,
-    measured: Sequence[str] = ("x", "y", "psi"),
+    measured: Sequence[str] | None = None,
     *,
     step: float,
     horizon: int = 10,
@@ -208,7 +208,7 @@ def moving_horizon(
     plant : Model, BlockModel or Block
         Continuous. Its start values are the expected state at the first sample.
     measured : sequence of str, optional
-        Outputs, or states, of the plant. Residuals in rad are wrapped to -pi ... pi.
+        Outputs, or states, of the plant (default: the keys of `measurement_noise`, in their order). Residuals in rad are wrapped to -pi ... pi.
     step : float
         Time between samples [s].
     horizon : int, optional
@@ -271,6 +271,6 @@ def moving_horizon(
                 f"{name}: noise_bounds: no process noise of {shown(key)}{did_you_mean(key, noisy)}"
             )
         bounds[noisy.index(key)] = positive(f"{name}: noise_bounds: {key}", value)
-    warn_if_undetectable(block, measured, name)
+    warn_if_undetectable(block, [s.name for s in model.measured], name)
     n = steps_between(block, step, name, substeps)
     return MovingHorizon(model, over_one_step(model, step, n), horizon, bounds)

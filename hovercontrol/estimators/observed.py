@@ -120,7 +120,7 @@ def plant_of(plant: AnyModel, name: str, what: str) -> Block:
 
 def observed(
     plant: Block,
-    measured: Sequence[str],
+    measured: Sequence[str] | None,
     process_noise: Mapping[str, float],
     measurement_noise: Mapping[str, float],
     start_std: Mapping[str, float] | None,
@@ -133,8 +133,8 @@ def observed(
 
     Parameters
     ----------
-    measured : sequence of str
-        Outputs, or states, of the plant.
+    measured : sequence of str or None
+        Outputs, or states, of the plant; None for the keys of `measurement_noise`.
     process_noise, measurement_noise, start_std
         As for :func:`~hovercontrol.estimators.extended.extended_kalman`.
     name : str
@@ -150,7 +150,8 @@ def observed(
         If a name is unknown or missing, or a number is out of range.
     """
     own = owned(plant, name)
-    channels = measured_signals(plant, measured, name)
+    told, given = ("measurement_noise", list(measurement_noise)) if measured is None else ("measured", measured)
+    channels = measured_signals(plant, given, name, told)
     names = [s.name for s in plant.states]
     process = _numbers(f"{name}: process_noise", process_noise, names)
     noise = _numbers(f"{name}: measurement_noise", measurement_noise, [s.name for s in channels])
@@ -219,8 +220,16 @@ def owned(plant: Block, name: str) -> Block:
     return plant.with_parameter_names(parts).named(name)
 
 
-def measured_signals(plant: Block, measured: Sequence[str], name: str) -> tuple[Signal, ...]:
+def measured_signals(
+    plant: Block, measured: Sequence[str], name: str, argument: str = "measured"
+) -> tuple[Signal, ...]:
     """Return the measured outputs; a state that is not an output may be measured, too.
+
+    Parameters
+    ----------
+    measured : sequence of str
+    name, argument : str
+        The function and its argument that names them, for error messages.
 
     Raises
     ------
@@ -228,12 +237,14 @@ def measured_signals(plant: Block, measured: Sequence[str], name: str) -> tuple[
         If there are none, or one is named twice or unknown (the message suggests the nearest name).
     """
     if isinstance(measured, str) or not len(measured) or len(set(measured)) < len(measured):
-        raise InputError(f"{name}: measured: expected different names of outputs, found {shown(measured)}")
+        raise InputError(
+            f"{name}: {argument}: expected different names of outputs, found {shown(measured)}"
+        )
     known = {s.name: s for s in (*plant.states, *plant.outputs)}
     for one in measured:
         if one not in known:
             raise InputError(
-                f"{name}: measured: block {plant.name!r} has no output {shown(one)}{did_you_mean(one, known)}"
+                f"{name}: {argument}: block {plant.name!r} has no output {shown(one)}{did_you_mean(one, known)}"
             )
     return tuple(
         Signal(one, known[one].unit, f"measured {one}", nominal=known[one].nominal) for one in measured

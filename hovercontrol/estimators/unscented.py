@@ -53,7 +53,7 @@ PIVOT = sp.Float(1e-14)
 @checked
 def unscented_kalman(
     plant: AnyModel,
-    measured: Sequence[str] = ("x", "y", "psi"),
+    measured: Sequence[str] | None = None,
     *,
     process_noise: Mapping[str, float],
     measurement_noise: Mapping[str, float],
@@ -75,7 +75,7 @@ def unscented_kalman(
     plant : Model, BlockModel or Block
         Continuous. Its start values are the first estimate.
     measured : sequence of str, optional
-        Outputs, or states, of the plant. Innovations in rad are wrapped to -pi ... pi.
+        Outputs, or states, of the plant (default: the keys of `measurement_noise`, in their order). Innovations in rad are wrapped to -pi ... pi.
     process_noise, measurement_noise, start_std : mapping of str to float
         As for :func:`~hovercontrol.estimators.extended.extended_kalman` with a period [unit/s^(1/2), unit,
         unit]; every entry of `start_std` must be positive.
@@ -132,7 +132,7 @@ def unscented_kalman(
     for state, std in zip(block.states, model.start_std, strict=True):
         if not std:
             raise InputError(f"{name}: start_std: expected a positive number for {state.name!r}, found 0")
-    warn_if_undetectable(block, measured, name)
+    warn_if_undetectable(block, [s.name for s in model.measured], name)
     n = steps_between(block, tick, name, substeps)
     step = fixed("period", tick, "of the samples")
     states, write = filter_states(model), Equations()

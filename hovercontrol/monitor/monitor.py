@@ -58,7 +58,7 @@ def monitor(
     period: float,
     process_noise: Mapping[str, float],
     measurement_noise: Mapping[str, float],
-    measured: Sequence[str] = ("x", "y", "psi"),
+    measured: Sequence[str] | None = None,
     gusts: Mapping[str, float] | None = None,
     gust_seconds: float = 1.0,
     coefficient_std: Mapping[str, float] | None = None,
@@ -92,7 +92,7 @@ def monitor(
     measurement_noise : mapping of str to float
         Standard deviation of a sample, for each measured channel [its unit].
     measured : sequence of str, optional
-        Outputs, or states, of the model.
+        Outputs, or states, of the model (default: the keys of `measurement_noise`, in their order).
     gusts : mapping of str to float, optional
         Standard deviation of random accelerations of a correlation time, by the states in whose derivatives
         they act [unit of the state / s]. They raise no alarm.
@@ -160,6 +160,7 @@ def monitor(
         raise InputError(f"{name}: dispersion=True needs a measured log as motion")
     craft = as_model(model)
     plant = plant_of(craft, name, "monitor")
+    measured = list(measurement_noise) if measured is None else measured
     known = estimation_model(
         plant, measured, process_noise, measurement_noise, gusts or {}, gust_seconds, coefficient_std or {},
         start_std or {}, name, lost_samples,
