@@ -101,7 +101,8 @@ def substeps_of(name: str, plant: Block, period: float, given: int | None = None
     f, u = numpy_functions(plant), [s.start for s in plant.inputs]
     fastest = 0.0
     for x in ([s.start for s in plant.states], [0.0] * len(plant.states)):
-        F = f.jacobian(0.0, x, u)
+        with np.errstate(all="ignore"):
+            F = f.jacobian(0.0, x, u)
         if np.isfinite(F).all():
             fastest = max(fastest, float(np.abs(np.linalg.eigvals(F)).max()))
     return min(max(1, math.ceil(period * fastest / 2.0)), 50)  # Runge-Kutta is stable up to |lambda| h = 2.78

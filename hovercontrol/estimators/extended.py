@@ -57,7 +57,8 @@ def extended_kalman(
     plant : Model, BlockModel or Block
         Continuous. Its start values are the first estimate.
     measured : sequence of str, optional
-        Outputs, or states, of the plant (default: the keys of `measurement_noise`, in their order). Innovations in rad are wrapped to -pi ... pi.
+        Outputs, or states, of the plant (default: the keys of `measurement_noise`, in their order).
+        Innovations in rad are wrapped to -pi ... pi.
     process_noise : mapping of str to float
         White noise in the derivatives of states, by the states' names: the square root of its spectral
         density [unit of the state / s^(1/2)]. ``{"u": 0.1}`` [m/s^(3/2)] alone gives u a random walk with a

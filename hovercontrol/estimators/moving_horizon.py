@@ -208,7 +208,8 @@ def moving_horizon(
     plant : Model, BlockModel or Block
         Continuous. Its start values are the expected state at the first sample.
     measured : sequence of str, optional
-        Outputs, or states, of the plant (default: the keys of `measurement_noise`, in their order). Residuals in rad are wrapped to -pi ... pi.
+        Outputs, or states, of the plant (default: the keys of `measurement_noise`, in their order).
+        Residuals in rad are wrapped to -pi ... pi.
     step : float
         Time between samples [s].
     horizon : int, optional

@@ -25,6 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
+from hovercontrol.core.singular import finite_jacobian
 from hovercontrol.errors import InputError, did_you_mean, shown
 from hovercontrol.estimators.observable_subspace import gramian_over, readable, unobservable
 from hovercontrol.estimators.observed import measured_expressions, measured_signals, plant_of
@@ -173,11 +174,11 @@ def observability(
     own = getattr(at, "params", None) or {}
     values, t = plant.default_parameters | dict(own) | dict(params or {}), float(getattr(at, "time", 0.0))
     plant.parameter_values(values)
-    f = seen.to_numpy()
-    A = f.jacobian(t, x, u, values)
-    C = f.jacobian(t, x, u, values, "outputs")
-    if not (np.isfinite(A).all() and np.isfinite(C).all()):
-        raise InputError(f"observability: block {plant.name!r}: the Jacobian is not finite at this point")
+    try:
+        A = finite_jacobian(seen, t, x, u, values)
+        C = finite_jacobian(seen, t, x, u, values, "outputs")
+    except InputError as error:
+        raise InputError(f"observability: {error}") from None
     # Scaled by the nominal sizes S_x, S_y:  A <- S_x^-1 A S_x,  C <- S_y^-1 C S_x.
     size, wide = (np.array([s.nominal for s in group]) for group in (plant.states, channels))
     A, C = A * size / size[:, None], C * size / wide[:, None]

@@ -150,8 +150,10 @@ def observed(
         If a name is unknown or missing, or a number is out of range.
     """
     own = owned(plant, name)
-    told, given = ("measurement_noise", list(measurement_noise)) if measured is None else ("measured", measured)
-    channels = measured_signals(plant, given, name, told)
+    if measured is None:
+        channels = measured_signals(plant, list(measurement_noise), name, "measurement_noise")
+    else:
+        channels = measured_signals(plant, measured, name)
     names = [s.name for s in plant.states]
     process = _numbers(f"{name}: process_noise", process_noise, names)
     noise = _numbers(f"{name}: measurement_noise", measurement_noise, [s.name for s in channels])
@@ -237,14 +239,13 @@ def measured_signals(
         If there are none, or one is named twice or unknown (the message suggests the nearest name).
     """
     if isinstance(measured, str) or not len(measured) or len(set(measured)) < len(measured):
-        raise InputError(
-            f"{name}: {argument}: expected different names of outputs, found {shown(measured)}"
-        )
+        raise InputError(f"{name}: {argument}: expected different names of outputs, found {shown(measured)}")
     known = {s.name: s for s in (*plant.states, *plant.outputs)}
     for one in measured:
         if one not in known:
             raise InputError(
-                f"{name}: {argument}: block {plant.name!r} has no output {shown(one)}{did_you_mean(one, known)}"
+                f"{name}: {argument}: block {plant.name!r} has no output {shown(one)}"
+                f"{did_you_mean(one, known)}"
             )
     return tuple(
         Signal(one, known[one].unit, f"measured {one}", nominal=known[one].nominal) for one in measured

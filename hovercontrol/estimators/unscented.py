@@ -75,7 +75,8 @@ def unscented_kalman(
     plant : Model, BlockModel or Block
         Continuous. Its start values are the first estimate.
     measured : sequence of str, optional
-        Outputs, or states, of the plant (default: the keys of `measurement_noise`, in their order). Innovations in rad are wrapped to -pi ... pi.
+        Outputs, or states, of the plant (default: the keys of `measurement_noise`, in their order).
+        Innovations in rad are wrapped to -pi ... pi.
     process_noise, measurement_noise, start_std : mapping of str to float
         As for :func:`~hovercontrol.estimators.extended.extended_kalman` with a period [unit/s^(1/2), unit,
         unit]; every entry of `start_std` must be positive.

@@ -17,6 +17,7 @@ from scipy.integrate import solve_ivp
 
 from hovercontrol.core.block import Block
 from hovercontrol.core.functions import call_scalar, numpy_functions
+from hovercontrol.core.singular import finite_jacobian
 from hovercontrol.core.switching import switching_times
 from hovercontrol.errors import InputError
 from hovercontrol.simulation.reasons import REASONS
@@ -95,8 +96,8 @@ class HeldSystem(SteppedSystem):
 
     def _derivative_matrices(self, t: float, x: Array, u: Array) -> list[Array]:
         # A = dphi/dx, B = dphi/du over one step;  C = dg/dx, D = dg/du with the outputs g at its begin
-        f = numpy_functions(self.block)
-        outputs = [f.jacobian(t, x, u, self._current_params, "outputs", by) for by in ("states", "inputs")]
+        at = self.block, t, x, u, self._current_params
+        outputs = [finite_jacobian(*at, "outputs", "states"), finite_jacobian(*at, "outputs", "inputs")]
         return [*step_jacobians(self.block, t, t + self.dt, x, u, self._current_params), *outputs]
 
 
@@ -152,7 +153,7 @@ def step_jacobians(
     Raises
     ------
     InputError
-        If the integration fails.
+        If the integration fails, or a derivative at the begin is not finite.
 
     Notes
     -----
@@ -175,6 +176,8 @@ def step_jacobians(
     n, m = len(block.states), len(block.inputs)
     if not n:
         return np.zeros((0, 0)), np.zeros((0, m))
+    finite_jacobian(block, t, x, u, params)  # the flow has no derivative where its equations have none
+    finite_jacobian(block, t, x, u, params, columns="inputs")
     f, values = numpy_functions(block), block.parameter_values(params, bounded=False)
     pair, held = f.scalar_pair("derivatives"), u.tolist()
 

@@ -29,9 +29,10 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from hovercontrol.core.block import Block, Columns, Rows
-from hovercontrol.core.functions import Function, array_function, numpy_functions
+from hovercontrol.core.functions import Function, array_function
 from hovercontrol.core.sgn import sgn
 from hovercontrol.core.signals import Signal
+from hovercontrol.core.singular import finite_jacobian
 from hovercontrol.errors import InputError, SmoothedFrictionWarning, did_you_mean, shown
 from hovercontrol.io.tables import positive
 
@@ -82,7 +83,8 @@ def linear_matrices(
     Raises
     ------
     InputError
-        If an amplitude is missing, not positive, or for a state without dry friction.
+        If an amplitude is missing, not positive, or for a state without dry friction; or if a derivative at
+        the point is not finite.
 
     Examples
     --------
@@ -211,7 +213,7 @@ def _lines_for(block: Block) -> _Lines | None:
 
 
 def _jacobian(block: Block, point: Point, rows: Rows, columns: Columns) -> Array:
-    return numpy_functions(block).jacobian(*point, rows, columns)
+    return finite_jacobian(block, *point, rows, columns)
 
 
 def _amplitudes(

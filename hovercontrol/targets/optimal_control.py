@@ -20,7 +20,7 @@ from scipy.optimize import LinearConstraint, NonlinearConstraint
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.core.expressions import Expressions
-from hovercontrol.core.functions import numpy_functions
+from hovercontrol.core.singular import finite_jacobian
 from hovercontrol.core.switching import switching_conditions
 from hovercontrol.errors import InputError, shown
 from hovercontrol.targets.control import BlockSystem
@@ -227,7 +227,8 @@ class GradientProblem(optimal.OptimalControlProblem):
             return np.array([A for A, _ in found]), np.array([B for _, B in found])
         if self._held is None:
             self._held = _with_held_inputs(block)
-        J = numpy_functions(block).jacobian(t, x, u, params)
+        J = finite_jacobian(block, t, x, u, params)
+        finite_jacobian(block, t, x, u, params, columns="inputs")
         fastest = np.abs(np.linalg.eigvals(np.moveaxis(J, -1, 0))).max(initial=0.0)
         pieces = max(LEAST, int(np.ceil(PER_TIME_CONSTANT * fastest * h)))
         begin = t + np.arange(pieces)[:, None, None] * (h / pieces)
@@ -280,9 +281,9 @@ class GradientProblem(optimal.OptimalControlProblem):
         """Return the Jacobian of the collocation conditions, row by row of the states."""
         states, inputs = self._compute_states_inputs(c)
         dx, du = self._sensitivities(c)
-        f, t = numpy_functions(self.system.block), self.timepts
-        at = t, states, inputs, dict(self.system.params)
-        A, B = (np.moveaxis(f.jacobian(*at, "derivatives", by), -1, 0) for by in ("states", "inputs"))
+        t = self.timepts
+        at = self.system.block, t, states, inputs, dict(self.system.params), "derivatives"
+        A, B = (np.moveaxis(finite_jacobian(*at, by), -1, 0) for by in ("states", "inputs"))
         rates = A @ dx + B @ du
         # x_k - x_k-1 - h/2 (f_k + f_k-1) = 0,  x_0 given
         rows = dx.copy()

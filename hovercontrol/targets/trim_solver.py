@@ -61,10 +61,12 @@ def solve(conditions: Conditions) -> tuple[Array, bool]:
 def nearest(conditions: Conditions, z: Array) -> Array:
     """Return the solution nearest to the start: min |z - z_0|^2 with F(z) = 0, starting from a solution z.
 
-    If the conditions determine all unknowns, z is returned.
+    If the conditions determine all unknowns, or have no derivative at z, z is returned.
     """
     # pivoted QR of J' gives the rank of J and its independent rows, the constraints of the minimisation
     J, start = conditions.jacobian(z), conditions.start
+    if not np.isfinite(J).all():
+        return z
     _, R, order = scipy.linalg.qr(J.T, mode="economic", pivoting=True)
     rank = int(np.sum(np.abs(np.diag(R)) > RANK * max(1.0, np.abs(R).max(initial=0.0))))
     if rank == len(z):
@@ -96,7 +98,7 @@ def undetermined(conditions: Conditions, z: Array) -> list[int]:
     """
     J = conditions.jacobian(z)
     asked = np.flatnonzero(np.abs(J).max(axis=0, initial=0.0) > 0)
-    if not asked.size:
+    if not asked.size or not np.isfinite(J).all():
         return []
     null = scipy.linalg.null_space(J[:, asked], rcond=RANK)
     return asked[np.abs(null).max(axis=1, initial=0.0) > 1e-6].tolist()
@@ -128,14 +130,18 @@ def failure(conditions: Conditions, z: Array) -> str:
 
 
 def _from(conditions: Conditions, start: Array) -> Array | None:
-    """Return the least-squares solution from a start; None if the Block has no finite values there."""
-    if not len(start):
-        return start
+    """Return the least-squares solution from a start, or the start where the conditions have no derivative.
+
+    None if the Block has no finite values there.
+    """
     lower, upper = conditions.bounds
+    start = np.clip(start, lower, upper)
+    if not len(start) or not np.isfinite(conditions.jacobian(start)).all():
+        return start
     try:
         found = least_squares(
             conditions.missing,
-            np.clip(start, lower, upper),
+            start,
             conditions.jacobian,
             bounds=(lower, upper),
             xtol=1e-15,
