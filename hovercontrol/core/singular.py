@@ -57,11 +57,11 @@ def finite_jacobian(
     fine = np.isfinite(J).all(axis=1) & np.isfinite(values)
     if fine.all():
         return J
-    row, *at = (int(k[0]) for k in np.nonzero(~fine))
-    wrong = np.flatnonzero(~np.isfinite(J[(row, slice(None), *at)]))
-    x, u = (np.broadcast_to(z, (len(z), *fine.shape[1:])) for z in (x, u))
-    signals = (*block.states, *block.inputs)
-    point = dict(zip(signals, [*x[(..., *at)], *u[(..., *at)]], strict=True))
+    row, *first = (int(k[0]) for k in np.nonzero(~fine))
+    at: Any = (slice(None), *first)
+    wrong = np.flatnonzero(~np.isfinite(J[row][at]))
+    x, u = (np.broadcast_to(z, (len(z), *fine.shape[1:]))[at] for z in (x, u))
+    point = dict(zip((*block.states, *block.inputs), [*x, *u], strict=True))
     point |= dict(zip(block.parameters, block.parameter_values(params, bounded=False), strict=True))
     raise InputError(block.where(_line(block, rows, columns, row, wrong.tolist(), point)))
 

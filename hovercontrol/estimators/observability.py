@@ -13,8 +13,6 @@ unobservable subspace have negative real parts.
 from __future__ import annotations
 
 import math
-import os
-import sys
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -25,6 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
+from hovercontrol.core.caller import caller_level
 from hovercontrol.core.singular import finite_jacobian
 from hovercontrol.errors import InputError, did_you_mean, shown
 from hovercontrol.estimators.observable_subspace import gramian_over, readable, unobservable
@@ -256,13 +255,4 @@ def warn_if_undetectable(plant: Block, measured: Sequence[str], name: str) -> No
     except InputError as error:
         raise InputError(f"{name}: {error}; set other start values of the plant") from None
     if not found.detectable:
-        warnings.warn(f"{name}: at the start values of {found.sentence()}", stacklevel=_outside())
-
-
-def _outside() -> int:
-    """Return the stack level of the first caller outside the package."""
-    package = os.path.dirname(os.path.dirname(__file__)) + os.sep
-    level, frame = 1, sys._getframe(1)
-    while frame.f_back is not None and frame.f_code.co_filename.startswith(package):
-        level, frame = level + 1, frame.f_back
-    return level
+        warnings.warn(f"{name}: at the start values of {found.sentence()}", stacklevel=caller_level())

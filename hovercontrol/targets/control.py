@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from typing import Any
 
@@ -13,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.caller import caller_level
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.targets import friction_slopes
 from hovercontrol.targets.library import Point
@@ -27,10 +29,41 @@ class _Params(dict[str, float]):
 
     ``control.interconnect`` copies each subsystem's ``params`` and adds those of all others, so a key of
     another system is not an error there. The type survives that copy, so the two cases can be distinguished.
+    The union of the ``params`` of all subsystems overrides those of each; it leaves out a key for which two
+    systems have different values, so that each keeps its own.
+
+    Parameters
+    ----------
+    values : mapping
+    apart : frozenset of str, optional
+        Keys left out.
     """
 
+    def __init__(self, values: Mapping[str, float], apart: frozenset[str] = frozenset()) -> None:
+        super().__init__(values)
+        self.apart = apart
+
     def copy(self) -> _Params:
-        return _Params(self)
+        return _Params(self, self.apart)
+
+    def __ror__(self, other: Any) -> Any:
+        return _Params({**other, **self}, self.apart)
+
+    def __or__(self, other: Any) -> Any:
+        if not isinstance(other, _Params):
+            return _Params({**self, **other}, self.apart)
+        known = self.apart | other.apart
+        differ = {key for key in self.keys() & other.keys() if self[key] != other[key]} - known
+        if differ:
+            key = min(differ)
+            warnings.warn(
+                f"two systems have the parameter {key!r}, with the values {self[key]:g} and {other[key]:g}: "
+                "each keeps its own; a value given for the interconnection reaches both. Keys follow the "
+                f"name of a system: block.to_control('other_{key.split('.')[0]}')",
+                stacklevel=caller_level(),
+            )
+        apart = known | differ
+        return _Params({k: v for k, v in {**self, **other}.items() if k not in apart}, apart)
 
 
 class BlockSystem(control.NonlinearIOSystem):
@@ -39,9 +72,11 @@ class BlockSystem(control.NonlinearIOSystem):
     If a large Block is evaluated often, machine code replaces Python (:mod:`.points` describes when); results
     agree to rounding. Without a C compiler Python continues.
 
-    Parameter keys are those of the Block (``plant.yaw_coulomb``). An unknown key raises an error. Inside a
-    ``control.interconnect``, where every subsystem gets the keys of all others, only a key that begins with
-    this Block's name must be one of its own.
+    Parameter keys are those of the Block with the system's name in place of the Block's: ``yaw_coulomb`` of
+    ``block.to_control("left")`` is ``left.yaw_coulomb``. They follow when the system is copied or renamed; a
+    suffix that python-control adds (``left$sampled``) is no part of them. An unknown key raises an error.
+    Inside a ``control.interconnect``, where every subsystem gets the keys of all others, only a key that
+    begins with this system's name must be one of its own.
 
     Parameters
     ----------
@@ -51,17 +86,50 @@ class BlockSystem(control.NonlinearIOSystem):
 
     def __init__(self, block: Block, name: str | None = None) -> None:
         self.block = block
+        self._keys: dict[str, str] = {}
+        self.name = name or block.name
         super().__init__(
             self._updates,
             None if self._outputs_are_states() else self._outputs,
-            params=_Params(block.default_parameters),
+            params=_Params({key: block.default_parameters[own] for key, own in self._keys.items()}),
             inputs=[s.name for s in block.inputs],
             outputs=[s.name for s in block.outputs],
             states=[s.name for s in block.states],
-            name=name or block.name,
+            name=self.name,
             dt=block.period,
         )
         self._prepare()
+
+    @property
+    def name(self) -> str:
+        """The system's name, also the first part of its parameters' keys."""
+        return self._name
+
+    @name.setter
+    def name(self, name: str) -> None:
+        own, stem = f"{self.block.name}.", name.partition("$")[0]
+        before, self._name = self._keys, name
+        #: the Block's key of each key of the system
+        self._keys = {
+            f"{stem}.{key.removeprefix(own)}" if key.startswith(own) else key: key
+            for key in self.block.default_parameters
+        }
+        if "params" in vars(self):
+            now = {key: new for new, key in self._keys.items()}
+            params: dict[str, float] = vars(self)["params"]
+            self.params = _Params({now.get(before.get(k, k), k): v for k, v in params.items()})
+
+    @property
+    def block_params(self) -> dict[str, float]:
+        """The parameters by the Block's keys."""
+        return self._by_block(self.params)
+
+    def _by_block(self, params: Mapping[str, float]) -> dict[str, float]:
+        for key in params:
+            if key not in self._keys:
+                hint = did_you_mean(key, self._keys)
+                raise InputError(f"system {self.name!r}: unknown parameter {key!r}{hint}")
+        return {self._keys[key]: value for key, value in params.items()}
 
     def _outputs_are_states(self) -> bool:
         """Whether the outputs are the states in order, which python-control's state feedback checks."""
@@ -94,14 +162,10 @@ class BlockSystem(control.NonlinearIOSystem):
                 return
         except ValueError:  # an array among the values; the check below raises
             pass
-        foreign = [key for key in given if key not in own]
-        for key in foreign:
-            if not pushed or key.split(".")[0] in {k.split(".")[0] for k in own}:
-                hint = did_you_mean(key, own)
-                raise InputError(f"system {self.name!r}: unknown parameter {key!r}{hint}")
-        current = {key: given.get(key, value) for key, value in own.items()}
-        self._current_params = current
-        self._values = self.block.parameter_values(current)
+        ours = {key.split(".")[0] for key in self._keys}
+        foreign = {key for key in given if pushed and key not in own and key.split(".")[0] not in ours}
+        self._current_params = self._by_block({**own, **{k: v for k, v in given.items() if k not in foreign}})
+        self._values = self.block.parameter_values(self._current_params)
         self._native = None
         self._seen = dict(own), dict(given), pushed
 
@@ -114,7 +178,7 @@ class BlockSystem(control.NonlinearIOSystem):
 
     def _own(self, params: Mapping[str, float]) -> tuple[float, ...]:
         if self._direct is None or self._direct[0] != params:
-            own = {key: params[key] for key in self.params if key in params}
+            own = self._by_block({key: params[key] for key in self.params if key in params})
             self._direct = dict(params), self.block.parameter_values(own, bounded=False)
         return self._direct[1]
 
@@ -233,7 +297,7 @@ class BlockSystem(control.NonlinearIOSystem):
             )
         if self.dt:
             raise InputError(f"system {self.name!r}: already discrete, with a step of {self.dt:g} s")
-        sampled = self.block.to_control(step=Ts)
+        sampled = self.block.to_control(self.name, step=Ts)
         sampled.params = self.params.copy()
         sampled._update_params(None)
         sampled.update_names(**sampled_names(self, name, copy_names, kwargs))

@@ -15,20 +15,18 @@ describing
 
 from __future__ import annotations
 
-import sys
 import warnings
 from collections.abc import Mapping
 from functools import lru_cache
-from pathlib import Path
 from typing import Literal, NamedTuple
 
-import control
 import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from hovercontrol.core.block import Block, Columns, Rows
+from hovercontrol.core.caller import caller_level
 from hovercontrol.core.functions import Function, array_function
 from hovercontrol.core.sgn import sgn
 from hovercontrol.core.signals import Signal
@@ -146,7 +144,7 @@ def warn_of_smoothing(block: Block, A: Array, point: Point) -> None:
             f"with friction='describing', amplitude={{{next(iter(found))!r}: A}} for oscillations of size A"
         )
         text = block.where(f"{'; '.join(found.values())}. {advice}")
-        warnings.warn(text, SmoothedFrictionWarning, stacklevel=_level())
+        warnings.warn(text, SmoothedFrictionWarning, stacklevel=caller_level())
 
 
 def creeping(block: Block, point: Point) -> set[str]:
@@ -255,12 +253,3 @@ def _number(pole: complex) -> str:
 
 def _unit(block: Block, name: str) -> str:
     return next((f" {s.unit}" for s in block.states if s.name == name), "")
-
-
-def _level() -> int:
-    """Return the ``stacklevel`` of the first caller outside the package and python-control."""
-    inside = (str(Path(__file__).parents[1]), str(Path(control.__file__).parent))
-    frame, level = sys._getframe(1), 1
-    while frame.f_back is not None and frame.f_code.co_filename.startswith(inside):
-        frame, level = frame.f_back, level + 1
-    return level

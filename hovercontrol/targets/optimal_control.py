@@ -220,7 +220,7 @@ class GradientProblem(optimal.OptimalControlProblem):
         """Return A_k = dphi/dx and B_k = dphi/du of all steps, shapes (steps, n_states, ...)."""
         block, n, t = self.system.block, self.system.nstates, self.timepts[:-1]
         x, u, h = x[:, :-1], u[:, :-1], self.system.dt
-        params = getattr(self.system, "_current_params", None) or dict(self.system.params)
+        params = getattr(self.system, "_current_params", None) or self.system.block_params
         if switching_conditions(block):
             rows = zip(t, x.T, u.T, strict=True)
             found = [step_jacobians(block, a, a + h, b, c, params) for a, b, c in rows]
@@ -282,8 +282,9 @@ class GradientProblem(optimal.OptimalControlProblem):
         states, inputs = self._compute_states_inputs(c)
         dx, du = self._sensitivities(c)
         t = self.timepts
-        at = self.system.block, t, states, inputs, dict(self.system.params), "derivatives"
-        A, B = (np.moveaxis(finite_jacobian(*at, by), -1, 0) for by in ("states", "inputs"))
+        at = self.system.block, t, states, inputs, self.system.block_params
+        by_state, by_input = finite_jacobian(*at), finite_jacobian(*at, columns="inputs")
+        A, B = np.moveaxis(by_state, -1, 0), np.moveaxis(by_input, -1, 0)
         rates = A @ dx + B @ du
         # x_k - x_k-1 - h/2 (f_k + f_k-1) = 0,  x_0 given
         rows = dx.copy()

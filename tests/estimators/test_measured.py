@@ -37,5 +37,5 @@ def test_several_measurements_stand_in_the_order_of_their_noise():
 
 @pytest.mark.parametrize("name", ESTIMATORS)
 def test_a_misspelt_key_is_named_with_its_argument(name):
-    with pytest.raises(hc.InputError, match="measure.*'speed'"):
+    with pytest.raises(hc.InputError, match=r"measure.*'speed'"):
         made(name, measurement_noise={"speed": 0.1})

@@ -1,6 +1,7 @@
 """The python-control backend: names, checked parameters, and python-control's own functions on it."""
 
 import pickle
+import warnings
 
 import control as ct
 import numpy as np
@@ -8,7 +9,9 @@ import pytest
 
 from hovercontrol.controllers import tracking_controller
 from hovercontrol.controllers.references import circle, ellipse
+from hovercontrol.core.block import Block
 from hovercontrol.core.interconnect import interconnect, prefix
+from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
 from hovercontrol.models.vehicles import c17_experiment, c17_simulation, hoverdemon
 from hovercontrol.simulation.trajectory import simulate
@@ -127,6 +130,44 @@ def test_two_craft_of_one_kind_do_not_share_a_value():
     assert (dx[3], dx[9]) == (pytest.approx(1 / 2.6), 2.0)
 
 
+def cart(drag):
+    """v' = a - drag v, of every drag under the same name."""
+    v, a, k = Signal("v", "m/s"), Signal("a", "m/s^2"), Signal("drag", "1/s", start=drag)
+    return Block("plant", [v], [a], [v], [k], {"v": a.symbol - k.symbol * v.symbol})
+
+
+def together(*systems):
+    """Return the systems in one interconnection, each with its own input and output."""
+    n = len(systems)
+    each = [(k, 0) for k in range(n)]
+    return ct.interconnect(systems, inplist=each, outlist=each, inputs=n, outputs=n, warn_duplicate=False)
+
+
+def test_the_keys_follow_the_name_that_a_system_is_given():
+    left, right = cart(1.0).to_control("left"), cart(3.0).to_control("right")
+    both = together(left, right)
+    assert both.params == {"left.drag": 1.0, "right.drag": 3.0}
+    assert both.dynamics(0.0, [1.0, 1.0], [0.0, 0.0]).tolist() == [-1.0, -3.0]
+    assert both.dynamics(0.0, [1.0, 1.0], [0.0, 0.0], params={"right.drag": 2.0}).tolist() == [-1.0, -2.0]
+    right.update_names(name="third")
+    assert right.params == {"third.drag": 3.0}
+    assert ct.c2d(left, 0.1).params == left.copy().params == {"left.drag": 1.0}
+
+
+def test_systems_of_one_name_keep_their_own_values_and_a_warning_says_so():
+    with pytest.warns(UserWarning, match=r"'plant.drag', with the values 1 and 3: each keeps its own"):
+        both = together(cart(1.0).to_control(), cart(3.0).to_control())
+    assert both.dynamics(0.0, [1.0, 1.0], [0.0, 0.0]).tolist() == [-1.0, -3.0]
+    fleet = ct.interconnect(
+        [both, cart(5.0).to_control("plant")],
+        inplist=[(0, 0), (0, 1), (1, 0)], outlist=[(0, 0), (0, 1), (1, 0)], inputs=3, outputs=3,
+    )  # fmt: skip
+    assert fleet.dynamics(0.0, [1.0] * 3, [0.0] * 3).tolist() == [-1.0, -3.0, -5.0]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        together(cart(1.0).to_control(), cart(1.0).to_control())
+
+
 def test_linearisation_is_that_of_finite_differences_on_a_plain_system():
     system = plant()
     twin = ct.nlsys(lambda t, x, u, p: system._rhs(t, x, u), None, inputs=2, outputs=6, states=6, name="twin")
@@ -179,17 +220,16 @@ def test_copies_work_and_are_independent():
     twin = system.copy(name="twin")
     assert twin.name == "twin"
     assert np.array_equal(twin.dynamics(0, X, U), system.dynamics(0, X, U))
-    twin.dynamics(0, X, U, params={"plant.yaw_coulomb": 3.0})
-    system.params["plant.yaw_coulomb"]
+    twin.dynamics(0, X, U, params={"twin.yaw_coulomb": 3.0})
     assert np.array_equal(system.dynamics(0, X, U), plant().dynamics(0, X, U))
     with pytest.raises(InputError):
-        twin.dynamics(0, X, U, params={"plant.yaw_colomb": 3.0})
+        twin.dynamics(0, X, U, params={"plant.yaw_coulomb": 3.0})
 
 
 def test_changing_the_parameters_of_a_copy_leaves_the_original_alone():
     system = plant()
     twin = system.copy(name="twin")
-    twin.params["plant.yaw_coulomb"] = 3.0
+    twin.params["twin.yaw_coulomb"] = 3.0
     assert twin.dynamics(0, X, U)[5] != plant().dynamics(0, X, U)[5]
     assert np.array_equal(system.dynamics(0, X, U), plant().dynamics(0, X, U))
 
