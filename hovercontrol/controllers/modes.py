@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
+from hovercontrol.core.growth import growth
 from hovercontrol.errors import InputError
 
 Array = NDArray[np.float64]
@@ -16,19 +17,6 @@ RANK = 1e-9
 
 #: A mode decays if it grows by less than this [1/s; of a sampled plant per step].
 DECAYS = -1e-7
-
-
-def growth(poles: ArrayLike, sampled: bool) -> Array:
-    """Return how fast modes grow: Re s [1/s] of continuous poles, ln abs(z) per step of sampled ones.
-
-    Examples
-    --------
-    >>> growth([-2.0 + 1.0j], False).item(), growth([0.5j], True).item()
-    (-2.0, -0.6931471805599453)
-    """
-    values = np.asarray(poles, dtype=complex)
-    with np.errstate(divide="ignore"):
-        return np.log(np.abs(values)) if sampled else values.real
 
 
 def refuse_unmovable(

@@ -2,7 +2,8 @@
 
 An unknown disturbance d_s is added to the derivative of each chosen state s,
 
-    s' = f_s(x, u) + d_s,   d_s' = -d_s/tau + w.
+    s' = f_s(x, u) + d_s,   d_s' = -d_s/tau + w;
+    of a sampled plant    s+ = f_s(x, u) + d_s,   d_s+ = exp(-h/tau) d_s + w.
 
 With a correlation time tau the disturbance is an Ornstein-Uhlenbeck process (gusts). Without one it is a
 random walk driven by the noise w: constant apart from w (a slope, a trim error, a wrong coefficient). The
@@ -17,11 +18,12 @@ import sympy as sp
 
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
+from hovercontrol.core.delay_line import fixed
 from hovercontrol.core.expressions import Expressions
 from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError, did_you_mean, shown
 from hovercontrol.estimators.extended import extended_kalman
-from hovercontrol.estimators.observed import plant_of
+from hovercontrol.estimators.observed import plant_of, unit_over
 from hovercontrol.io.tables import positive
 from hovercontrol.models.interface import AnyModel
 
@@ -35,7 +37,7 @@ def with_disturbances(
     Parameters
     ----------
     plant : Model, BlockModel or Block
-        Continuous.
+        Continuous or sampled; a disturbance of a sampled plant is added to the next value.
     on : sequence of str, optional
         States whose derivatives are disturbed.
     correlation_time : float, optional
@@ -44,13 +46,14 @@ def with_disturbances(
     Returns
     -------
     Block
-        The plant with additional states and outputs ``disturbance_NAME`` [unit of the state / s], starting at
-        0, after the plant's own. With `correlation_time` it has a parameter of that name.
+        The plant with additional states and outputs ``disturbance_NAME`` [unit of the state / s; of a sampled
+        plant unit of the state], starting at 0, after the plant's own. With `correlation_time` it has a
+        parameter of that name.
 
     Raises
     ------
     InputError
-        If the plant is sampled or has late inputs, a state is unknown, or the correlation time is not
+        If the plant has parts that tick or late inputs, a state is unknown, or the correlation time is not
         positive.
 
     Examples
@@ -64,18 +67,22 @@ def with_disturbances(
     block = plant_of(plant, name, "plant with disturbances")
     signals = {key: _signal(block, key, name) for key in _different(on, name)}
     parameters = list(block.parameters)
-    decay: sp.Expr = sp.S.Zero
+    decay: sp.Expr = sp.S.One if block.period else sp.S.Zero  # d+ = d or d' = 0
     if correlation_time is not None:
         tau = Signal(
             "correlation_time", "s", "of the disturbances",
             start=positive(f"{name}: correlation_time", correlation_time), lower=0.0,
         )  # fmt: skip
         parameters.append(tau)
-        decay = 1 / tau.symbol
+        decay = -1 / tau.symbol
+        if block.period:
+            step = fixed("disturbance_step", block.period, "of the plant")
+            parameters.append(step)
+            decay = sp.exp(-step.symbol / tau.symbol)
     rates = dict(block.derivatives)
     for state, d in signals.items():
         rates[state] = rates[state] + d.symbol
-        rates[d.name] = -d.symbol * decay
+        rates[d.name] = d.symbol * decay
     added = tuple(signals.values())
     return Block(
         block.name,
@@ -87,6 +94,7 @@ def with_disturbances(
         output_expressions=block.output_expressions,
         definitions=block.definitions,
         definition_signals=block.definition_signals,
+        period=block.period,
     )
 
 
@@ -110,21 +118,22 @@ def disturbance_observer(
     Parameters
     ----------
     plant : Model, BlockModel or Block
-        Continuous. Its start values are the first estimate; disturbances start at 0.
+        Continuous or sampled. Its start values are the first estimate; disturbances start at 0.
     measured : sequence of str, optional
         Outputs, or states, of the plant (default: the keys of `measurement_noise`, in their order).
     disturbance_noise : mapping of str to float
         By the names of the states whose derivatives are disturbed: the square root of the spectral density of
         the disturbance's derivative [unit of the state / s / s^(1/2)]. With ``{"u": 0.1}`` the disturbance of
         u' changes by 0.1 m/s^2 in 1 s (standard deviation). A larger value gives a higher bandwidth and more
-        noise in the estimate.
+        noise in the estimate. Of a sampled plant: what each of its steps adds to the disturbance [unit of the
+        state].
     measurement_noise, process_noise, start_std : mapping of str to float
         As for :func:`~hovercontrol.estimators.extended.extended_kalman` [unit or unit s^(1/2), unit/s^(1/2),
         unit]; `start_std` may name ``disturbance_NAME`` [unit/s], 1 by default.
     correlation_time : float, optional
         Correlation time of the disturbances [s]; None: they are constant apart from their noise.
     period : float, optional
-        Sampling period [s]. None: the observer is continuous.
+        Sampling period [s]. None: the observer is continuous, or has the period of a sampled plant.
     lost_samples : bool or sequence of str, optional
         Add an input ``fresh``, or ``fresh_NAME`` for these measured outputs: 0 means that there is no sample.
     substeps : int, optional
@@ -207,5 +216,5 @@ def _signal(block: Block, state: str, name: str) -> Signal:
         raise InputError(
             f"{name}: block {block.name!r} has no state {shown(state)}{did_you_mean(state, states)}"
         )
-    unit = states[state].unit
-    return Signal(disturbance_name(state), f"({unit})/s", f"disturbance of {state}'")
+    text = f"disturbance of {block.update_text(state)}"
+    return Signal(disturbance_name(state), unit_over(block, state, "s"), text)

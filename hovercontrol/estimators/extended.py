@@ -1,8 +1,8 @@
 """The extended Kalman filter of any Block, with exact Jacobians, as a Block.
 
 Continuous-discrete: between ticks the plant's equations propagate the estimate and its covariance
-(:mod:`.propagation`). At a tick the measurements correct them one after the other, in Joseph's form
-(:class:`.Equations`). Continuous-continuous: the extended Kalman-Bucy filter,
+(:mod:`.propagation`), a sampled plant's by its own steps. At a tick the measurements correct them one after
+the other, in Joseph's form (:class:`.Equations`). Continuous-continuous: the extended Kalman-Bucy filter,
 
     xhat' = f(xhat, u) + K (y - h(xhat, u)),  K = P H' R^-1,  P' = F P + P F' + Q - K R K',
 
@@ -31,9 +31,8 @@ from hovercontrol.estimators.filter_equations import (
 )
 from hovercontrol.estimators.ins.kalman import Equations, Estimate
 from hovercontrol.estimators.observability import warn_if_undetectable
-from hovercontrol.estimators.observed import Observed, observed, plant_of
+from hovercontrol.estimators.observed import Observed, observed, plant_of, tick_of
 from hovercontrol.estimators.propagation import Dynamics, predict, steps_between
-from hovercontrol.io.tables import positive
 from hovercontrol.models.interface import AnyModel
 
 
@@ -55,20 +54,22 @@ def extended_kalman(
     Parameters
     ----------
     plant : Model, BlockModel or Block
-        Continuous. Its start values are the first estimate.
+        Continuous or sampled. Its start values are the first estimate.
     measured : sequence of str, optional
         Outputs, or states, of the plant (default: the keys of `measurement_noise`, in their order).
         Innovations in rad are wrapped to -pi ... pi.
     process_noise : mapping of str to float
         White noise in the derivatives of states, by the states' names: the square root of its spectral
         density [unit of the state / s^(1/2)]. ``{"u": 0.1}`` [m/s^(3/2)] alone gives u a random walk with a
-        standard deviation of 0.1 m/s after 1 s.
+        standard deviation of 0.1 m/s after 1 s. Of a sampled plant: standard deviation of what each of its
+        steps adds [unit of the state].
     measurement_noise : mapping of str to float
         For each measured output. With `period`: standard deviation of a sample [unit]. Without: square root
         of the spectral density [unit s^(1/2)], ``s h**0.5`` for samples of standard deviation s every h
         seconds.
     period : float, optional
-        Sampling period [s]. None: the filter is continuous.
+        Sampling period [s]. None: the filter is continuous. Of a sampled plant a multiple of its period
+        (default: its period).
     start_std : mapping of str to float, optional
         Standard deviation of the first estimate's error, by the states' names [unit] (default: the state's
         nominal size).
@@ -93,8 +94,8 @@ def extended_kalman(
     Raises
     ------
     InputError
-        If the plant is sampled or has late inputs, a name is unknown, a noise is missing or negative, or the
-        period is not positive or too long for the plant's fastest mode.
+        If the plant has parts that tick or late inputs, a name is unknown, a noise is missing or negative, or
+        the period is not positive, too long for the plant's fastest mode or no multiple of a sampled plant's.
 
     Warns
     -----
@@ -127,17 +128,17 @@ def extended_kalman(
         measurement_noise,
         start_std,
         name,
-        continuous=period is None,
+        continuous=period is None and not block.period,
         lost_samples=lost_samples,
     )
     warn_if_undetectable(block, [s.name for s in model.measured], name)
     states = filter_states(model)
     estimate = estimate_of(states, len(block.states))
-    if period is None:
+    if period is None and not block.period:
         if substeps is not None:
             raise InputError(f"{name}: substeps are of a sampled filter: give a period, too")
         return _continuous(model, states, estimate)
-    tick = positive(f"{name}: period", period)
+    tick = tick_of(block, period, f"{name}: period")
     n = steps_between(block, tick, name, substeps)
     step = fixed("period", tick, "of the samples")
     write = Equations()

@@ -24,7 +24,7 @@ from hovercontrol.core.boundary import checked
 from hovercontrol.core.functions import numpy_functions
 from hovercontrol.errors import InputError, did_you_mean, shown
 from hovercontrol.estimators.observability import warn_if_undetectable
-from hovercontrol.estimators.observed import Observed, observed, plant_of
+from hovercontrol.estimators.observed import Observed, observed, plant_of, tick_of
 from hovercontrol.estimators.one_step import over_one_step
 from hovercontrol.estimators.propagation import steps_between
 from hovercontrol.io.tables import positive
@@ -62,7 +62,8 @@ class MovingHorizon(control.optimal.OptimalEstimationProblem):
         self._functions = numpy_functions(sampled)
         q = np.array([s.start for s in model.process.values()])
         # White noise of root spectral density q, held over a step h, has the variance Q_k = q^2/h.
-        self._noise = sampled.period / q**2
+        # Of standard deviation q per step h_p of a sampled plant, held over h/h_p of them, it has q^2 h_p/h.
+        self._noise = sampled.period / (q**2 * (model.plant.period or 1.0))
         self._accuracy = np.array([s.start for s in model.noise]) ** -2.0
         self._prior = np.array(model.start_std) ** -2.0
         self._angles = np.array([s.unit == "rad" for s in model.measured])
@@ -189,7 +190,7 @@ def moving_horizon(
     plant: AnyModel,
     measured: Sequence[str] | None = None,
     *,
-    step: float,
+    step: float | None = None,
     horizon: int = 10,
     process_noise: Mapping[str, float],
     measurement_noise: Mapping[str, float],
@@ -206,19 +207,19 @@ def moving_horizon(
     Parameters
     ----------
     plant : Model, BlockModel or Block
-        Continuous. Its start values are the expected state at the first sample.
+        Continuous or sampled. Its start values are the expected state at the first sample.
     measured : sequence of str, optional
         Outputs, or states, of the plant (default: the keys of `measurement_noise`, in their order).
         Residuals in rad are wrapped to -pi ... pi.
-    step : float
-        Time between samples [s].
+    step : float, optional
+        Time between samples [s]; of a sampled plant a multiple of its period (default: its period).
     horizon : int, optional
         Number of samples, 2 or more.
     process_noise, measurement_noise, start_std : mapping of str to float
         As for :func:`~hovercontrol.estimators.extended.extended_kalman` with a period [unit/s^(1/2), unit,
         unit]; the process noise has at least one positive entry and is held over a step.
     noise_bounds : mapping of str to float, optional
-        Maximum absolute value of the process noise, by the states' names [unit/s].
+        Maximum absolute value of the process noise, by the states' names [unit/s; of a sampled plant unit].
     substeps : int, optional
         Runge-Kutta steps per sample (default: chosen from the plant's fastest mode).
     name : str, optional
@@ -227,7 +228,7 @@ def moving_horizon(
     -------
     MovingHorizon
         A :class:`control.optimal.OptimalEstimationProblem`; inputs of its system: the plant's, then
-        ``NAME_noise`` [unit/s].
+        ``NAME_noise`` [unit/s; of a sampled plant unit].
 
     Raises
     ------
@@ -255,7 +256,7 @@ def moving_horizon(
     [1.0, 1.0, 1.0]
     """
     block = plant_of(plant, name, "moving-horizon estimate")
-    positive(f"{name}: step", step)
+    step = tick_of(block, step, f"{name}: step")
     at_least(f"{name}: horizon", horizon, 2)
     given = {key: value for key, value in process_noise.items() if value != 0}
     model = observed(block, measured, given, measurement_noise, start_std, name, continuous=False)

@@ -7,7 +7,8 @@ observability Gramian over a window T measures how well the other directions are
     W(T) = integral from 0 to T of exp(A' t) C' C exp(A t) dt,
 
 with states and outputs scaled by their nominal sizes. The pair is detectable if all eigenvalues of A on the
-unobservable subspace have negative real parts.
+unobservable subspace have negative real parts. Of a sampled Block, ``dx+ = A dx``, the Gramian is the sum
+over N steps of A'^k C' C A^k, and these eigenvalues lie inside the unit circle.
 """
 
 from __future__ import annotations
@@ -24,9 +25,15 @@ from numpy.typing import ArrayLike, NDArray
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.core.caller import caller_level
+from hovercontrol.core.growth import growth
 from hovercontrol.core.singular import finite_jacobian
 from hovercontrol.errors import InputError, did_you_mean, shown
-from hovercontrol.estimators.observable_subspace import gramian_over, readable, unobservable
+from hovercontrol.estimators.observable_subspace import (
+    gramian_over,
+    gramian_over_steps,
+    readable,
+    unobservable,
+)
 from hovercontrol.estimators.observed import measured_expressions, measured_signals, plant_of
 from hovercontrol.io.tables import positive
 from hovercontrol.models.interface import AnyModel
@@ -53,9 +60,9 @@ class Observability:
     rank : int
         Dimension of the observable subspace; if it equals the number of states, all are observable.
     gramian : ndarray, shape (n, n)
-        W over the window, with states and outputs scaled by their nominal sizes [s].
+        W over the window, with states and outputs scaled by their nominal sizes [s; sampled 1].
     singular_values : ndarray, shape (n,)
-        Singular values of the Gramian, in descending order [s].
+        Singular values of the Gramian, in descending order [s; sampled 1].
     weakest : dict of str to float
         The least observable (or an unobservable) direction in state space, in the units of the states, with
         its largest component scaled to 1.
@@ -65,7 +72,9 @@ class Observability:
         A basis of the unobservable subspace, in the units of the states, each direction with its largest
         component scaled to 1.
     hidden_modes : tuple of complex
-        Eigenvalues of A in that subspace [1/s].
+        Eigenvalues of A in that subspace [1/s; sampled 1].
+    period : float
+        Of a sampled Block [s]; 0 of a continuous one.
 
     Examples
     --------
@@ -87,6 +96,7 @@ class Observability:
     window: float
     hidden: tuple[dict[str, float], ...]
     hidden_modes: tuple[complex, ...]
+    period: float = 0.0
 
     @property
     def observable(self) -> bool:
@@ -96,13 +106,16 @@ class Observability:
     @property
     def detectable(self) -> bool:
         """Whether all unobservable modes decay."""
-        return all(mode.real < 0 for mode in self.hidden_modes)
+        return bool((growth(self.hidden_modes, self.period > 0.0) < 0).all())
 
     def sentence(self) -> str:
         """Return the result as one sentence."""
         where = f"block {self.block!r} with {', '.join(self.measured)} measured"
         if self.observable:
-            size = f"singular value {self.singular_values[-1]:.2g} s of the Gramian over {self.window:g} s"
+            unit = "" if self.period else " s"
+            size = (
+                f"singular value {self.singular_values[-1]:.2g}{unit} of the Gramian over {self.window:g} s"
+            )
             weakest = f"weakest: {self._text(self.weakest)} ({size})"
             return f"{where}: all {self.rank} states are observable; {weakest}"
         changes = "; ".join(self._text(change) for change in self.hidden)
@@ -126,7 +139,7 @@ def observability(
     at: Any = None,
     measured: Sequence[str] = ("x", "y", "psi"),
     *,
-    window: float = 1.0,
+    window: float | None = None,
     params: Mapping[str, float] | None = None,
 ) -> Observability:
     """Return which states are observable from the measured outputs at an operating point.
@@ -134,14 +147,14 @@ def observability(
     Parameters
     ----------
     block : Model, BlockModel or Block
-        Continuous.
+        Continuous or sampled.
     at : Trim, control.OperatingPoint, array_like of shape (n_states,), or mapping by name, optional
         The operating point: states, or states and inputs by name; the others keep their start values. A Trim
         also supplies its parameters and its time.
     measured : sequence of str, optional
         Outputs, or states, of the Block.
     window : float, optional
-        Window T of the Gramian [s].
+        Window T of the Gramian [s] (default: 1 s; of a sampled Block as many periods as it has states).
     params : mapping, optional
         Parameter values by key, in place of the defaults.
 
@@ -152,8 +165,8 @@ def observability(
     Raises
     ------
     InputError
-        If the Block is sampled or has late inputs, a name is unknown, or the operating point does not fit the
-        Block.
+        If the Block has parts that tick or late inputs, a name is unknown, or the operating point does not
+        fit the Block.
 
     Examples
     --------
@@ -182,7 +195,14 @@ def observability(
     size, wide = (np.array([s.nominal for s in group]) for group in (plant.states, channels))
     A, C = A * size / size[:, None], C * size / wide[:, None]
     basis = unobservable(A, C)
-    gramian = gramian_over(A, C, positive("observability: window", window))
+    if window is not None:
+        positive("observability: window", window)
+    if plant.period:
+        steps = max(1, round(window / plant.period)) if window else len(A)
+        window, gramian = steps * plant.period, gramian_over_steps(A, C, steps)
+    else:
+        window = window or 1.0
+        gramian = gramian_over(A, C, window)
     names = tuple(s.name for s in plant.states)
     _, singular_values, directions = np.linalg.svd(gramian)
     return Observability(
@@ -197,6 +217,7 @@ def observability(
         float(window),
         tuple(_change(names, row * size) for row in readable(basis.T)),
         tuple(map(complex, np.linalg.eigvals(basis.T @ A @ basis))),
+        plant.period,
     )
 
 

@@ -56,6 +56,25 @@ def gramian_over(A: Array, C: Array, window: float) -> Array:
     return np.asarray((W + W.T) / 2)
 
 
+def gramian_over_steps(A: Array, C: Array, steps: int) -> Array:
+    """Return the observability Gramian of ``x+ = A x, y = C x`` over a number of samples.
+
+    ``W(N) = sum over k < N of A'^k C' C A^k``, by the doubling W(2 N) = W(N) + A'^N W(N) A^N.
+
+    Examples
+    --------
+    >>> gramian_over_steps(np.array([[0.5]]), np.array([[1.0]]), 3)  # 1 + 1/4 + 1/16
+    array([[1.3125]])
+    """
+    W, before = np.zeros(A.shape), np.eye(len(A))  # of the samples so far; A to their number
+    piece, Phi = C.T @ C, A  # W(2^j), A^(2^j)
+    while steps:
+        if steps % 2:
+            W, before = W + before.T @ piece @ before, Phi @ before
+        piece, Phi, steps = piece + Phi.T @ piece @ Phi, Phi @ Phi, steps // 2
+    return np.asarray((W + W.T) / 2)
+
+
 def readable(rows: Array) -> Array:
     """Return an equivalent basis of the row space, by Gauss-Jordan elimination.
 

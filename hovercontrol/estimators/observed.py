@@ -11,7 +11,7 @@ from hovercontrol.core.block import Block
 from hovercontrol.core.expressions import Expressions
 from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError, did_you_mean, shown
-from hovercontrol.io.tables import finite
+from hovercontrol.io.tables import finite, positive
 from hovercontrol.models.interface import AnyModel
 
 
@@ -28,7 +28,8 @@ class Observed:
     measured : tuple of Signal
         The measured outputs, as inputs of the estimator.
     process : dict of int to Signal
-        Parameters: root spectral density of the process noise, by the index of the state.
+        Parameters: root spectral density of the process noise, of a sampled plant its standard deviation per
+        step, by the index of the state.
     noise : tuple of Signal
         Parameters: noise of each measurement.
     start_std : tuple of float
@@ -53,7 +54,7 @@ class Observed:
 
     @property
     def intensities(self) -> dict[int, sp.Expr]:
-        """Q: intensity of each state's noise [unit^2/s], by the index of the state."""
+        """Q: intensity of each state's noise [unit^2/s; sampled unit^2], by the index of the state."""
         return {i: s.symbol**2 for i, s in self.process.items()}
 
     @property
@@ -102,16 +103,22 @@ def suffixed(name: str, suffix: str) -> str:
     return f"{base}_{suffix}{bracket}{index}"
 
 
+def unit_over(plant: Block, state: str, time: str) -> str:
+    """Return the unit of a state over that of a time; of a sampled plant, per step, the state's."""
+    unit = plant.signal(state).unit
+    return unit if plant.period else f"({unit})/{time}"
+
+
 def plant_of(plant: AnyModel, name: str, what: str) -> Block:
     """Return the plant of a model or a Block itself.
 
     Raises
     ------
     InputError
-        If it is sampled or hybrid, its inputs are delayed, or it has no states.
+        If it is hybrid, its inputs are delayed, or it has no states.
     """
     block = plant if isinstance(plant, Block) else plant.plant()
-    block.need_continuous(what, hybrid=False)
+    block.need_no_ticks(what)
     block.need_prompt_inputs(f"the {what}")
     if not block.states:
         raise InputError(f"{name}: block {block.name!r} has no states to estimate")
@@ -163,6 +170,7 @@ def observed(
             found = f"found {noise[s.name]:g}" if s.name in noise else "found none"
             raise InputError(f"{name}: measurement_noise: expected a positive number for {s.name!r}, {found}")
     root = "*s^(1/2)" if continuous else ""
+    size = "standard deviation per step" if plant.period else "root spectral density"
     return Observed(
         name,
         own,
@@ -170,8 +178,8 @@ def observed(
         {
             names.index(state): Signal(
                 f"{name}.process_noise_{state}",
-                f"({plant.signal(state).unit})/s^(1/2)",
-                f"root spectral density of the noise in {state}'",
+                unit_over(plant, state, "s^(1/2)"),
+                f"{size} of the noise in {plant.update_text(state)}",
                 start=value,
                 lower=0.0,
             )
@@ -208,6 +216,19 @@ def _lost(channels: Sequence[Signal], lost: bool | Sequence[str], name: str) -> 
         else None
         for key in known
     )
+
+
+def tick_of(plant: Block, period: float | None, where: str) -> float:
+    """Return the given period of an estimator [s], by default that of a sampled plant.
+
+    Raises
+    ------
+    InputError
+        If it is not positive, or the plant has none.
+    """
+    if period is None and not plant.period:
+        raise InputError(f"{where}: expected the time between samples in seconds, found none")
+    return positive(where, plant.period if period is None else period)
 
 
 def owned(plant: Block, name: str) -> Block:

@@ -9,26 +9,29 @@ from hovercontrol.core.delay_line import fixed
 from hovercontrol.core.expressions import Expressions
 from hovercontrol.core.signals import Signal, time
 from hovercontrol.estimators.ins.kalman import Equations
-from hovercontrol.estimators.observed import Observed, measured_expressions, suffixed
+from hovercontrol.estimators.observed import Observed, measured_expressions, suffixed, unit_over
 from hovercontrol.estimators.propagation import Dynamics, runge_kutta
 
 
 def over_one_step(model: Observed, step: float, substeps: int) -> Block:
     """Return the plant over one step as a sampled Block.
 
-    It integrates ``x' = f(x, u, t) + w`` with the inputs u and the process noise w held.
+    It integrates ``x' = f(x, u, t) + w`` with the inputs u and the process noise w held; of a sampled plant
+    w is added to the next values, ``x+ = f(x, u, t) + w``, at each of its steps.
 
     Parameters
     ----------
     step : float
         Length of the step [s].
     substeps : int
-        Number of Runge-Kutta steps.
+        Number of Runge-Kutta steps, or of a sampled plant's own.
     """
     plant = measured_expressions(model.plant, model.measured)
     noise = {
         state.name: Signal(
-            suffixed(state.name, "noise"), f"({state.unit})/s", f"process noise in {state.name}'"
+            suffixed(state.name, "noise"),
+            unit_over(plant, state.name, "s"),
+            f"process noise in {plant.update_text(state.name)}",
         )
         for state in (plant.states[i] for i in model.process)
     }

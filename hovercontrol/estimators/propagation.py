@@ -11,6 +11,12 @@ Simpson's rule gives the covariance of the noise,
 
 where Phi is the transition matrix from t to t + h, and Phi_2 that from t + h/2 to t + h. Each term is
 positive semidefinite for every h.
+
+A sampled Block takes its step at once: ``x+ = f(x, u, t) + w`` with w of covariance Q,
+
+    P+ = Phi P Phi' + Q,    Phi = F.
+
+Both are ``Phi (P + w_0 Q) Phi' + w_1 Phi_2 Q Phi_2' + w_2 Q`` with the weights of :func:`noise_weights`.
 """
 
 from __future__ import annotations
@@ -22,6 +28,7 @@ from functools import cached_property
 import numpy as np
 import sympy as sp
 
+from hovercontrol.core.arguments import whole_periods
 from hovercontrol.core.block import Block
 from hovercontrol.core.derivatives import needed_definitions, partial_derivatives
 from hovercontrol.core.functions import numpy_functions
@@ -39,7 +46,7 @@ MOST_STEPS = 32
 
 @dataclass(frozen=True)
 class Dynamics:
-    """The derivatives of a continuous Block and their exact Jacobian, as equations at any point."""
+    """The derivatives, or next values, of a Block and their exact Jacobian, as equations at any point."""
 
     block: Block
 
@@ -102,7 +109,7 @@ def written_at(
 
 @dataclass(frozen=True)
 class Step:
-    """Result of a Runge-Kutta step: the new state and the Jacobians at the four stages."""
+    """Result of a step: the new state and the Jacobians at its four stages, or of a sampled plant its own."""
 
     x: sp.Matrix
     F: tuple[sp.Matrix, ...]
@@ -118,7 +125,7 @@ def runge_kutta(
     *,
     jacobian: bool = True,
 ) -> Step:
-    """Write one classical Runge-Kutta step of the state.
+    """Write one classical Runge-Kutta step of the state; of a sampled plant its own step.
 
     Parameters
     ----------
@@ -132,6 +139,9 @@ def runge_kutta(
     """
     # k1 = f(x, t),  k2 = f(x + h/2 k1, t + h/2),  k3 = f(x + h/2 k2, t + h/2),  k4 = f(x + h k3, t + h),
     # x(t + h) = x + h/6 (k1 + 2 k2 + 2 k3 + k4);  F_i = df/dx at stage i.
+    if dynamics.block.period:
+        following, F = dynamics.at(write, name, list(x), when, jacobian=jacobian)
+        return Step(following, (F,))
     rates: list[sp.Matrix] = []
     matrices: list[sp.Matrix] = []
     for k, part in enumerate((sp.S.Zero, sp.S.Half, sp.S.Half, sp.S.One)):
@@ -147,6 +157,8 @@ def runge_kutta(
 
 def transition(write: Equations, name: str, F: Sequence[sp.Matrix], h: sp.Expr) -> sp.Matrix:
     """Write the transition matrix of a step from the Jacobians at its stages: ``Phi' = F Phi``."""
+    if len(F) == 1:  # of a sampled plant
+        return F[0]
     # k1 = F1,  k2 = F2 (I + h/2 k1),  k3 = F3 (I + h/2 k2),  k4 = F4 (I + h k3),
     # Phi = I + h/6 (k1 + 2 k2 + 2 k3 + k4).
     one = sp.eye(F[0].rows)
@@ -181,14 +193,26 @@ def middle_columns(
     return columns
 
 
+def noise_weights(block: Block, h: sp.Expr) -> tuple[sp.Expr, sp.Expr, sp.Expr]:
+    """Return the weights of the noise at the begin, the middle and the end of a step.
+
+    Those of Simpson's rule, h/6, 4 h/6 and h/6. A sampled plant's step ends with its noise: 0, 0 and 1.
+    """
+    return (sp.S.Zero, sp.S.Zero, sp.S.One) if block.period else (h / 6, 4 * h / 6, h / 6)
+
+
 def collected(
-    P: sp.Matrix, columns: Mapping[int, sp.Matrix], Q: Mapping[int, sp.Expr], h: sp.Expr
+    P: sp.Matrix,
+    columns: Mapping[int, sp.Matrix],
+    Q: Mapping[int, sp.Expr],
+    weights: tuple[sp.Expr, sp.Expr, sp.Expr],
 ) -> sp.Matrix:
-    """Return ``P + 4 h/6 Phi_2 Q Phi_2' + h/6 Q``: Simpson's terms of the middle and the end of a step."""
+    """Return ``P + w_1 Phi_2 Q Phi_2' + w_2 Q``: the noise of the middle and the end of a step."""
+    _, middle, end = weights
 
     def entry(i: int, j: int) -> sp.Expr:
-        middle = sum(q * columns[k][i] * columns[k][j] for k, q in Q.items())
-        return P[i, j] + 4 * h / 6 * middle + (h / 6 * Q[i] if i == j and i in Q else 0)
+        inside = sum(Q[k] * column[i] * column[j] for k, column in columns.items() if k in Q)
+        return P[i, j] + middle * inside + (end * Q[i] if i == j and i in Q else 0)
 
     return sp.Matrix(*P.shape, entry)
 
@@ -205,7 +229,7 @@ class Prediction:
         Transition matrix of the step.
     drive : dict of int to sympy.Matrix, shape (n, 1)
         For each driven state, the change of the state after the step per unit of a rate that is added to its
-        derivative during the step.
+        derivative during the step; of a sampled plant per unit that is added to its next value.
     """
 
     estimate: Estimate
@@ -231,40 +255,43 @@ def predict(
     name : str
         Prefix of the definitions' names, unique to this step.
     Q : mapping of int to sympy.Expr
-        Noise intensity by the index of the state; states without noise are omitted.
+        Noise intensity by the index of the state, of a sampled plant its variance per step; states without
+        noise are omitted.
     when, h : sympy.Expr
         Start time and length of the step [s].
     driven : sequence of int, optional
         States for which the result has ``drive``.
     """
-    # P(t + h) = Phi (P + h/6 Q) Phi' + 4 h/6 Phi_2 Q Phi_2' + h/6 Q.
-    n = estimate.P.rows
+    # P(t + h) = Phi (P + w_0 Q) Phi' + w_1 Phi_2 Q Phi_2' + w_2 Q.
+    n, weights = estimate.P.rows, noise_weights(dynamics.block, h)
+    first, inside, last = weights
     step = runge_kutta(dynamics, write, name, estimate.x, when, h)
     Phi = transition(write, name, step.F, h)
     begin = write.symmetric(
         f"{name}_begin",
         n,
         {
-            (i, j): estimate.P[i, j] + (h / 6 * Q[i] if i == j and i in Q else 0)
+            (i, j): estimate.P[i, j] + (first * Q[i] if i == j and i in Q else 0)
             for i in range(n)
             for j in range(i, n)
         },
     )
     half = write.matrix(f"{name}_half", Phi * begin)
     moved = sp.Matrix(n, n, lambda i, j: sum(half[i, k] * Phi[j, k] for k in range(n)))
-    middle = middle_columns(write, name, step.F, h, sorted({*Q, *driven}))
-    whole = collected(moved, middle, Q, h)
+    middle = middle_columns(write, name, step.F, h, sorted({*Q, *driven})) if inside else {}
+    whole = collected(moved, middle, Q, weights)
     upper = {(i, j): whole[i, j] for i in range(n) for j in range(i, n)}
     # Simpson's rule for the integral of Phi(t + h, s) e_j ds: h/6 (Phi e_j + 4 Phi_2 e_j + e_j).
-    drive = {
-        j: write.matrix(f"{name}_drive_{j}", h / 6 * (Phi[:, j] + 4 * middle[j] + sp.eye(n)[:, j]))
-        for j in driven
-    }
+    drive = {}
+    for j in driven:
+        whole_step = first * Phi[:, j] + last * sp.eye(n)[:, j]
+        whole_step += inside * middle[j] if middle else sp.zeros(n, 1)
+        drive[j] = write.matrix(f"{name}_drive_{j}", whole_step)
     return Prediction(Estimate(step.x, write.symmetric(f"{name}_P", n, upper)), Phi, drive)
 
 
 def steps_between(plant: Block, period: float, name: str, given: int | None = None) -> int:
-    """Return the number of Runge-Kutta steps from tick to tick.
+    """Return the number of Runge-Kutta steps from tick to tick; of a sampled plant that of its own steps.
 
     Parameters
     ----------
@@ -279,8 +306,15 @@ def steps_between(plant: Block, period: float, name: str, given: int | None = No
     Raises
     ------
     InputError
-        If `given` is less than 1 or too large, or the plant is too fast for the period.
+        If `given` is less than 1 or too large, the plant is too fast for the period, or the period is no
+        multiple of a sampled plant's.
     """
+    if plant.period:
+        if given is not None:
+            raise InputError(
+                f"{name}: substeps: block {plant.name!r} is sampled and takes its own steps, found {given}"
+            )
+        return whole_periods(f"{name}: period", period, plant.period)
     if given is not None:
         if not 1 <= given <= MOST_STEPS:
             raise InputError(f"{name}: substeps: expected 1 to {MOST_STEPS}, found {shown(given)}")

@@ -33,16 +33,16 @@ from hovercontrol.estimators.filter_equations import (
 )
 from hovercontrol.estimators.ins.kalman import Equations, Estimate, wrapped
 from hovercontrol.estimators.observability import warn_if_undetectable
-from hovercontrol.estimators.observed import Observed, measured_expressions, observed, plant_of
+from hovercontrol.estimators.observed import Observed, measured_expressions, observed, plant_of, tick_of
 from hovercontrol.estimators.propagation import (
     Dynamics,
     collected,
     middle_columns,
+    noise_weights,
     runge_kutta,
     steps_between,
     written_at,
 )
-from hovercontrol.io.tables import positive
 from hovercontrol.models.interface import AnyModel
 
 #: Minimum pivot of a Cholesky factor, as a share of the variance, so that rounding cannot make its square
@@ -57,7 +57,7 @@ def unscented_kalman(
     *,
     process_noise: Mapping[str, float],
     measurement_noise: Mapping[str, float],
-    period: float,
+    period: float | None = None,
     start_std: Mapping[str, float] | None = None,
     lost_samples: bool | Sequence[str] = False,
     kappa: float = 0.0,
@@ -73,15 +73,15 @@ def unscented_kalman(
     Parameters
     ----------
     plant : Model, BlockModel or Block
-        Continuous. Its start values are the first estimate.
+        Continuous or sampled. Its start values are the first estimate.
     measured : sequence of str, optional
         Outputs, or states, of the plant (default: the keys of `measurement_noise`, in their order).
         Innovations in rad are wrapped to -pi ... pi.
     process_noise, measurement_noise, start_std : mapping of str to float
         As for :func:`~hovercontrol.estimators.extended.extended_kalman` with a period [unit/s^(1/2), unit,
         unit]; every entry of `start_std` must be positive.
-    period : float
-        Sampling period [s].
+    period : float, optional
+        Sampling period [s]; of a sampled plant a multiple of its period (default: its period).
     lost_samples : bool or sequence of str, optional
         Add an input ``fresh``, or ``fresh_NAME`` for these measured outputs: 0 means that there is no sample.
     kappa : float, optional
@@ -118,7 +118,7 @@ def unscented_kalman(
     ['x_hat', 'y_hat', 'psi_hat', 'u_hat']
     """
     block = plant_of(plant, name, "unscented Kalman filter")
-    tick = positive(f"{name}: period", period)
+    tick = tick_of(block, period, f"{name}: period")
     model = observed(
         block,
         measured,
@@ -202,15 +202,16 @@ def _predicted(
     kappa: float,
 ) -> Estimate:
     """Write the estimate one step later; arguments as for :func:`.propagation.predict`."""
-    # Points x_k of P + h/6 Q move by a Runge-Kutta step:  x+ = sum w_k x_k+,
-    # P+ = sum w_k (x_k+ - x+) (x_k+ - x+)' + 4 h/6 Phi_2 Q Phi_2' + h/6 Q.
-    n = estimate.P.rows
+    # Points x_k of P + w_0 Q move by a step:  x+ = sum w_k x_k+,
+    # P+ = sum w_k (x_k+ - x+) (x_k+ - x+)' + w_1 Phi_2 Q Phi_2' + w_2 Q.
+    n, shares_of_noise = estimate.P.rows, noise_weights(dynamics.block, h)
+    first, inside, _ = shares_of_noise
     begin = sp.Matrix(estimate.P)
     for i, q in Q.items():
-        begin[i, i] += h / 6 * q
+        begin[i, i] += first * q
     begin = write.symmetric(f"{name}_begin", n, {(i, j): begin[i, j] for i in range(n) for j in range(i, n)})
     points, weights = _points(write, name, estimate.x, begin, kappa)
-    centre = runge_kutta(dynamics, write, name, points[0], when, h)
+    centre = runge_kutta(dynamics, write, name, points[0], when, h, jacobian=bool(inside))
     moved = [centre.x] + [
         runge_kutta(dynamics, write, f"{name}_point_{k}", p, when, h, jacobian=False).x
         for k, p in enumerate(points[1:])
@@ -218,7 +219,8 @@ def _predicted(
     x = _mean(write, f"{name}_mean", moved, weights)
     off = _deviations(write, f"{name}_off", moved, x)
     P = sp.Matrix(n, n, lambda i, j: _product(off, off, weights, i, j) if j >= i else 0)
-    whole = collected(P, middle_columns(write, name, centre.F, h, list(Q)), Q, h)
+    middle = middle_columns(write, name, centre.F, h, list(Q)) if inside else {}
+    whole = collected(P, middle, Q, shares_of_noise)
     upper = {(i, j): whole[i, j] for i in range(n) for j in range(i, n)}
     return Estimate(x, write.symmetric(f"{name}_P", n, upper))
 

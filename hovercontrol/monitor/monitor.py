@@ -160,6 +160,7 @@ def monitor(
         raise InputError(f"{name}: dispersion=True needs a measured log as motion")
     craft = as_model(model)
     plant = plant_of(craft, name, "monitor")
+    plant.need_continuous("monitor")
     measured = list(measurement_noise) if measured is None else measured
     known = estimation_model(
         plant, measured, process_noise, measurement_noise, gusts or {}, gust_seconds, coefficient_std or {},

@@ -250,10 +250,7 @@ def test_what_it_cannot_use_is_refused_in_one_line(changes, said):
         hc.extended_kalman(cart(), **({"measured": ["x"], **NOISE, "period": H} | changes))
 
 
-def test_a_sampled_plant_and_late_inputs_are_refused():
-    sampled = hc.Block("n", [hc.Signal("n")], [], [hc.Signal("n")], derivatives={"n": 0}, period=1.0)
-    with pytest.raises(InputError, match="sampled every 1 s"):
-        hc.extended_kalman(sampled, ["n"], process_noise={}, measurement_noise={"n": 1.0})
+def test_late_inputs_are_refused():
     late = hc.vehicle("c17_simulation").with_effects([hc.effect("input_delay", 0.1)])
     with pytest.raises(InputError, match="acts with a delay"):
         hc.extended_kalman(late, **CRAFT_NOISE)
