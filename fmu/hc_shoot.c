@@ -75,6 +75,14 @@ static void arrive(const hc_shooter *s, const double *from, int signal, long pie
         into[l] = place[s->window[l]];
 }
 
+/* x + h k1: the next value of a sampled model whose rate is (next - x)/h */
+static void euler_step(const hc_shooter *s, const double *h)
+{
+    for (int i = 0; i < s->size; i++)
+        HC_EACH_LANE
+            s->end[i][l] = s->x[i][l] + h[l] * s->k1[i][l];
+}
+
 static void one_piece(hc_shooter *s, long piece, long row)
 {
     const hc_shoot *d = s->shoot;
@@ -88,8 +96,11 @@ static void one_piece(hc_shooter *s, long piece, long row)
     for (int i = 0; i < d->n_known; i++)
         arrive(s, d->values, i, piece, row, s->x[d->known[i]]);
     slope(s, 0.0, begin[0], s->k1[0]);
-    hc_rk4_step(s->size, HC_LANES, slope, s, h, begin[0], s->k1[0], s->k2[0], s->k3[0], s->k4[0], s->stage[0],
-                s->end[0]);
+    if (d->euler)
+        euler_step(s, h);
+    else
+        hc_rk4_step(s->size, HC_LANES, slope, s, h, begin[0], s->k1[0], s->k2[0], s->k3[0], s->k4[0], s->stage[0],
+                    s->end[0]);
     s->x = s->end;
     s->end = begin;
 }

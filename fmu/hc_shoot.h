@@ -9,6 +9,7 @@ typedef struct {
     int n_states, n_inputs, n_parameters;
     int n_known;             /* states that depend on the commands alone, given for every piece */
     int n_columns;           /* columns of slopes; 0: no slopes */
+    int euler;               /* whether the steps are Euler's, those of a sampled model in rate form */
     long windows, rows, pieces;
     const int *known;        /* n_known: which states */
     const double *time;      /* S, K-1, W: begin of each piece [s] */
@@ -22,7 +23,7 @@ typedef struct {
     const int *of_parameter; /* n_parameters: column of a parameter, or -1; several may share one */
 } hc_shoot;
 
-/* Classical Runge-Kutta for windows `from` to `to`. Slopes follow from the variational equation of the discrete
+/* Classical Runge-Kutta or Euler steps for windows `from` to `to`. Slopes follow from the variational equation of the discrete
  * steps, so they are exact for these. Returns 0, or 1 if there is no memory. */
 int hc_shoot_run(const hc_shoot *shoot, hc_lanes_function derivatives, const hc_slopes *slopes, long from, long to);
 

@@ -262,12 +262,24 @@ class Arrival:
 
         The states start from rest at the first row.
         """
+        return {i: integral for i, (_, integral) in self._lagged(when, parameters, delay).items()}
+
+    def lagged_at(self, when: Array, parameters: Sequence[float], delay: float = 0.0) -> dict[int, Array]:
+        """Return the input states at times `when` [s], by index of the state."""
+        return {i: value for i, (value, _) in self._lagged(when, parameters, delay).items()}
+
+    def _lagged(
+        self, when: Array, parameters: Sequence[float], delay: float
+    ) -> dict[int, tuple[Array, Array]]:
+        """Return the input states and their integrals."""
         laws = self._laws
         if laws is None:
             return {}
         t = when - delay
         if not laws.linear:
-            found = list(_integrated(*self._stepped(laws, parameters), t))
+            times, values = self._stepped(laws, parameters)
+            now = [np.interp(t, times, row, left=0.0) for row in values]
+            found = list(zip(now, _integrated(times, values, t), strict=True))
         else:
             at = np.maximum(np.searchsorted(self.time, t + 1e-9, side="right") - 1, 0)
             later = np.maximum(t - self.time[at], 0.0)  # before the log, commands are zero
@@ -281,8 +293,8 @@ class Arrival:
         parameters: Sequence[float],
         at: NDArray[np.intp],
         later: Array,
-    ) -> Array:
-        """Return the exact integral of the state of ``x' = a x + b`` up to `later` [s] after rows `at`."""
+    ) -> tuple[Array, Array]:
+        """Return the state of ``x' = a x + b`` at `later` [s] after rows `at`, and its integral; exact."""
         # With g = -b/a held from row to row and x_0 = x(t_0) = 0:
         #   x(t_k + s) = g + (x_k - g) exp(a s),  integral over s: g s + (x_k - g)/a (exp(a s) - 1)
         a, steps = float(a_of(parameters)), np.diff(self.time)
@@ -292,7 +304,8 @@ class Arrival:
         start = solve_banded((1, 0), bands, np.append(0.0, (1.0 - fade) * goal[:-1]), check_finite=False)
         off = (start - goal) / a
         before = np.append(0.0, np.cumsum(goal[:-1] * steps + off[:-1] * np.expm1(a * steps)))
-        return np.asarray(before[at] + goal[at] * later + off[at] * np.expm1(a * later))
+        grown = off[at] * np.expm1(a * later)
+        return start[at] + a * grown, np.asarray(before[at] + goal[at] * later + grown)
 
     def _stepped(self, laws: _Laws, parameters: Sequence[float]) -> tuple[Array, Array]:
         """Integrate nonlinear laws; return times, shape (m,), and the states at them, shape (n, m)."""

@@ -16,6 +16,7 @@ from hovercontrol.estimation.measure import Measured, measure_all
 from hovercontrol.estimation.navigation import measure_navigated
 from hovercontrol.estimation.rows import Rows, arrange
 from hovercontrol.estimation.subject import Subject, structure
+from hovercontrol.estimation.ticks import on_ticks
 from hovercontrol.logs import Log
 
 Array = NDArray[np.float64]
@@ -83,10 +84,12 @@ def gather(model: Subject, logs: Sequence[Log | Measured]) -> Data:
     block = structure(model)
     every = [(isinstance(log, Log) and measure_navigated(block, log)) or log for log in logs]
     measured = tuple(measure_all(block, every, MOST_ROWS))
+    if model.period:
+        measured = tuple(on_ticks(log, model.period) for log in measured)
     channels = tuple(dict.fromkeys(c for m in measured for c in m.channels))
     noise = noise_levels(measured, channels)
     scales = noise_scales(measured, channels, noise)
-    rows = arrange(measured, [_guess(block, m) for m in measured], channels)
+    rows = arrange(measured, [_guess(block, m) for m in measured], channels, model.period)
     return Data(measured, channels, noise, scales, rows, drift_states(measured, rows))
 
 

@@ -33,7 +33,7 @@ class Inputs:
     """
 
     def __init__(self, block: Block, model: Subject, logs: Sequence[Measured]) -> None:
-        self.block, motion = block, model.motion
+        self.block, motion, self._sampled = block, model.motion, model.period > 0.0
         keys = [p.name for p in block.parameters]
         self._timing = [keys.index(name) for name in timing(model) if name]
         self.known = input_states(block, motion)
@@ -107,13 +107,20 @@ class Inputs:
     def lagged(
         self, parameters: Sequence[float], t: Array, h: Array, log: Indices, *, late: bool = False
     ) -> dict[int, Array]:
-        """Return the means of the states that follow from the commands, by index; see :meth:`between`."""
+        """Return the means of the states that follow from the commands, by index; see :meth:`between`.
+
+        A sampled model sees their values at its ticks, the begins of the sub-steps.
+        """
         found = {i: np.empty(t.shape) for i in self.known}
         if not found:
             return found
         delay, (edges, width) = self.delay(parameters), _edges(t, h)
         for k, arrival in enumerate(self.arrivals(late)):
             own = np.flatnonzero(log == k)
+            if self._sampled:
+                for i, values in arrival.lagged_at(t[:, own], parameters, delay).items():
+                    found[i][:, own] = values
+                continue
             for i, values in arrival.lagged_integral(edges[:, own], parameters, delay).items():
                 found[i][:, own] = np.diff(values, axis=0) / width[:, own]
         return found

@@ -2,7 +2,8 @@
 
 Process noise is a missing acceleration in each equation on which forces act. It is an Ornstein-Uhlenbeck
 process with a root mean square and a correlation time, because gusts, bumps and uneven floors last a while.
-Its size measures how much the model lacks.
+In a sampled model it is held from tick to tick, white or an autoregression of first order. Its size measures
+how much the model lacks.
 """
 
 from __future__ import annotations
@@ -21,6 +22,9 @@ Array = NDArray[np.float64]
 
 #: Initial correlation time of a missing acceleration, in rows.
 FIRST = 5.0
+
+#: Shortest correlation time in a sampled model, in periods: that of white noise.
+WHITE = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +61,7 @@ class Noise:
             return self
         process, seconds = (
             problem.accelerations.copy(),
-            np.full(len(problem.driven), FIRST * problem.shortest),
+            np.full(len(problem.driven), (WHITE if problem.period else FIRST) * problem.shortest),
         )
         for j, name in enumerate(problem.driven_names):
             if name in self.driven:
@@ -239,8 +243,10 @@ def moved(problem: Problem, noise: Noise, system: System, smooth: Smoothed, damp
     step = np.clip(damping.taken(np.clip(ratio, -limit, limit)), -limit, limit)
     process = noise.process * np.exp(0.5 * step[C:])
     process = np.where(process < NOISE.none * problem.accelerations, 0.0, process)
+    # From tick to tick a sampled model may jump: third differences then tell nothing about noise.
     least = np.maximum(
-        NOISE.least * problem.data.noise, NOISE.tiny * np.nanstd(problem.rows.values, axis=(0, 1))
+        (0.0 if problem.period else NOISE.least) * problem.data.noise,
+        NOISE.tiny * np.nanstd(problem.rows.values, axis=(0, 1)),
     )
     measured = np.maximum(noise.measured * np.exp(0.5 * step[:C]), least)
     return replace(noise, measured=measured, process=process)
@@ -256,8 +262,12 @@ def _steps(problem: Problem, noise: Noise) -> tuple[Array, Array, Array, Array, 
     # Ornstein-Uhlenbeck process of variance sigma^2, s = h/tau:
     #   mean: exp(-s);  mean of integral: tau (1 - exp(-s));  var eta = sigma^2 (1 - exp(-2 s))
     #   var xi = sigma^2 tau^2 (2 s - 3 + 4 exp(-s) - exp(-2 s));  cov(xi, eta) = sigma^2 tau (1 - exp(-s))^2
-    tau, variance = noise.seconds, noise.process**2
-    s = problem.dt[..., None] / tau
+    tau, variance, h = noise.seconds, noise.process**2, problem.dt[..., None]
+    if problem.period:
+        # a(k+1) = rho a(k) + eta, of integral correlation time tau = h/2 (1 + rho)/(1 - rho): h/2 if white
+        rho, none = (2.0 * tau - h) / (2.0 * tau + h), np.zeros((*problem.dt.shape, tau.size))
+        return rho, none + h, none, none, variance * (1.0 - rho**2)
+    s = h / tau
     less, less2 = np.expm1(-s), np.expm1(-2.0 * s)  # exp(-s) - 1, exp(-2 s) - 1
     series = s**3 * (2.0 / 3.0 - s / 2.0 + 7.0 * s**2 / 30.0)  # Taylor series of var xi, without cancellation
     integrated = np.where(s < 1e-2, series, 2.0 * s + 4.0 * less - less2)
@@ -276,6 +286,8 @@ def _gamma(problem: Problem, A: Array) -> Array:
     Mean of a change at the start and one at the end: column j is ``(A + I) e_j / 2``, by driven state.
     """
     driven = list(problem.driven)
+    if problem.period:  # added to the next value
+        return np.broadcast_to(np.eye(A.shape[-1])[:, driven], (*A.shape[:-1], len(driven)))
     gamma = 0.5 * A[..., :, driven]
     for j, i in enumerate(driven):
         gamma[..., i, j] += 0.5
@@ -301,7 +313,7 @@ def timed(problem: Problem, linear: Linear, noise: Noise, factor: float) -> tupl
     spectral density at low frequency (``process**2 * seconds`` kept) and with the same increments over short
     times (``process**2 / seconds`` kept).
     """
-    least, most = problem.shortest, problem.longest
+    least, most = (WHITE if problem.period else 1.0) * problem.shortest, problem.longest
     tries, places = [noise], []
     for j in np.flatnonzero(noise.process > NOISE.small * problem.accelerations).tolist():
         for times in (1.0 / factor, factor):

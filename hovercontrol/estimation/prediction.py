@@ -83,17 +83,14 @@ def predict(fit: Fit, horizon: float, starts: int = STARTS) -> Prediction | None
     first, start_of = np.concatenate(begin, axis=1)
     last, of = np.concatenate(end, axis=1)
     t0, t1 = time[first, start_of], time[last, of]
-    finest = min(STEP, problem.longest_piece or STEP)
-    S = max(1, int(np.ceil(float((t1 - t0).max()) / finest)))
-    # Integrate from the smoothed state x(t0) to t1 in S equal sub-steps h = (t1 - t0)/S
-    h = (t1 - t0) / S
-    t = t0 + np.arange(S)[:, None] * h
+    t, h = problem.divided(t0, t1, STEP)
     parameters = problem.parameters(fit.p)
     u, lagged = problem.inputs.between(parameters, t, np.maximum(h, 1e-12), problem.rows.log[of])
     start = np.moveaxis(fit.path[first, start_of], 1, 0)
     known = {i: v[:, None] for i, v in lagged.items()}
+    given = (problem.block, t[:, None], h[:, None], u[:, :, None], known, parameters, start)
     with np.errstate(all="ignore"):
-        x = shoot(problem.block, t[:, None], h, u[:, :, None], known, parameters, start)[1]
+        x = shoot(*given, euler=problem.euler)[1]
     found = problem.channels_at(x, parameters, t1, problem.rows.log[of])
     values = np.where(problem.seen[last, of], (problem.rows.values - fit.drift)[last, of], np.nan)
     return Prediction(horizon, problem.rows.channels, values - found.T, _parts(problem, horizon)[start_of])

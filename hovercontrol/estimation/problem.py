@@ -109,6 +109,8 @@ class Problem(Unknowns):
 
     Attributes
     ----------
+    period : float
+        Sampling period of a sampled model [s], whose rows are its ticks; 0 for a continuous one.
     each : ndarray of int, shape (N,)
         Number of sub-steps of each step.
     pieces : int
@@ -124,6 +126,7 @@ class Problem(Unknowns):
         self, model: Subject, data: Data, names: Sequence[str] | None = None, pieces: int | Counts = 1
     ) -> None:
         self.model, self.data, self.logs, self.rows = model, data, data.logs, data.rows
+        self.period = model.period
         self.block: Block = structure(model)
         shape = self.rows.time.shape
         self.guess = np.stack(
@@ -158,10 +161,10 @@ class Problem(Unknowns):
         least = [(1e-3 if s.name in self.rows.guess else 1.0) * s.nominal for s in free]
         self.spread = np.maximum(within.std(axis=(0, 1)), least)
         self.accelerations = np.array([self._acceleration(i) for i in self.driven])
-        usual = math.ceil(float(np.max(self.dt)) / STEP - 1e-9)
+        usual = 1 if self.period else math.ceil(float(np.max(self.dt)) / STEP - 1e-9)
         pieces = np.maximum(pieces, min(usual, FEW))
         keys = list(self.block.default_parameters)
-        if (limit := rate_key(self.block)) in keys:
+        if (limit := rate_key(self.block)) in keys and not self.period:
             rate = followed_rate(float(self.dt.max()) / MOST)
             self._every[keys.index(limit)] = rate
             pieces = np.maximum(pieces, np.ceil(self.dt.ravel() * rate / FOLLOWED).astype(np.intp))
@@ -260,12 +263,36 @@ class Problem(Unknowns):
         self.each, self.pieces = self.steps.each, self.steps.pieces
 
     @property
+    def euler(self) -> bool:
+        """Whether the steps are Euler's: those of a sampled model from tick to tick."""
+        return self.period > 0.0
+
+    @property
     def longest_piece(self) -> float:
         """Length of a sub-step that is short enough for nearly all steps [s].
 
         The longest step divided by :attr:`usual_pieces`.
         """
         return float(self.dt.max()) / self.usual_pieces
+
+    def divided(self, begin: Array, end: Array, longest: float = math.inf) -> tuple[Array, Array]:
+        """Return begins and lengths of sub-steps of spans, equally many of each, shapes (S, N).
+
+        Parameters
+        ----------
+        begin, end : ndarray, shape (N,)
+        longest : float, optional
+            Longest sub-step [s]; at most :attr:`longest_piece`. Those of a sampled model last a period; spans
+            of fewer ticks end in sub-steps of length zero.
+        """
+        if self.period:
+            ticks = np.rint((end - begin) / self.period)
+            k = np.arange(max(1, int(ticks.max(initial=1))))[:, None]
+            return begin + np.minimum(k, ticks) * self.period, np.where(k < ticks, self.period, 0.0)
+        finest = min(longest, self.longest_piece or longest)
+        S = max(1, int(np.ceil(float((end - begin).max()) / finest - 1e-9)))
+        h = np.broadcast_to((end - begin) / S, (S, begin.size))
+        return begin + np.arange(S)[:, None] * h, h
 
     @property
     def usual_pieces(self) -> int:
@@ -364,10 +391,10 @@ class Problem(Unknowns):
             begin = start if at.size == start.shape[1] else start[:, at]
             given = (self.block, s.t[:, None], s.h[:, None], s.u[:, :, None], known, parameters, begin)
             if columns:
-                states, found = shoot_with_slopes(*given, columns)
+                states, found = shoot_with_slopes(*given, columns, euler=self.euler)
                 slopes[..., at] = found[free]
             else:
-                states = shoot(*given)
+                states = shoot(*given, euler=self.euler)
             end[:, at] = states[1, free]
         return end, slopes
 

@@ -114,6 +114,7 @@ def arrange(
     logs: Sequence[Measured],
     states: Sequence[Mapping[str, Array]],
     channels: Sequence[str],
+    period: float = 0.0,
 ) -> Rows:
     """Cut logs into blocks.
 
@@ -121,6 +122,8 @@ def arrange(
     ----------
     states : sequence of dict of str to ndarray, shape (n,)
         Finite guess of the states at all rows of each log, by name.
+    period : float, optional
+        Sampling period of a sampled model [s]: each of its ticks becomes a row.
 
     Raises
     ------
@@ -136,7 +139,7 @@ def arrange(
     piece: list[int] = []
     block_log: list[int] = []
     for number, (i, a, b) in enumerate(pieces):
-        time, at = _grid(logs[i], a, b)
+        time, at = _grid(logs[i], a, b, period)
         share = (time[-1] - time[0]) / max(total, 1e-300)
         own = int(np.clip(round(blocks * share), 1, max(time.size // BLOCKING.fewest, 1)))
         edges = np.searchsorted(time, np.linspace(time[0], time[-1], own + 1)[1:-1])
@@ -188,14 +191,18 @@ def _pieces(log: Measured) -> list[tuple[int, int]]:
     return [(int(p[0]), int(p[-1]) + 1) for p in parts if p.size >= BLOCKING.fewest]
 
 
-def _grid(log: Measured, first: int, stop: int) -> tuple[Array, Indices]:
-    """Return times and rows of a part; long steps are filled with times that have no row (-1)."""
+def _grid(log: Measured, first: int, stop: int, period: float) -> tuple[Array, Indices]:
+    """Return times and rows of a part; long steps are filled with times that have no row (-1).
+
+    All steps of more than one period are long for a sampled model.
+    """
     time = log.time[first:stop]
     step = np.diff(time)
-    usual = float(np.median(step))
+    usual = period or float(np.median(step))
+    long = 1.5 if period else BLOCKING.long_step
     times, rows = [time[:1]], [np.array([first], dtype=np.intp)]
     for k, dt in enumerate(step.tolist()):
-        if dt > BLOCKING.long_step * usual:
+        if dt > long * usual:
             extra = time[k] + dt * np.arange(1, round(dt / usual)) / round(dt / usual)
             times.append(extra)
             rows.append(np.full(extra.size, -1, dtype=np.intp))

@@ -50,6 +50,8 @@ def controlled(problem: Problem, path: Array, p: Array, std: Array | None = None
     std : ndarray, shape (K, W, n), optional
         Result of :func:`deviations`; None before the first pass.
     """
+    if problem.period:
+        return problem  # one step from tick to tick is exact
     # Of N steps, a step of end F(x; h) is halved while, for a small motion d about the path,
     #   |F(x; h) - F(x; h/2)| > CLOSE std / sqrt(N)  or  |dF(h) - dF(h/2)| > STEADY d,  dF = F(x + d) - F(x)
     least = (FIRST * problem.spread if std is None else std[1:]) * CLOSE / np.sqrt(problem.dt.size)

@@ -19,12 +19,18 @@ _STRUCTURES: dict[tuple[object, ...], Block] = {}
 
 
 def structure(model: Subject) -> Block:
-    """Return a Block with the equations of a model; cached, as it does not depend on parameter values."""
+    """Return a Block with the equations of a model; cached, as it does not depend on parameter values.
+
+    Of a sampled model these are the rates, whose Euler steps are its next values.
+    """
     key = (type(model), *model.signature)
     if key not in _STRUCTURES:
         if len(_STRUCTURES) > 500:
             _STRUCTURES.clear()
-        _STRUCTURES[key] = model.plant(late=True, fastest=FASTEST)
+        if isinstance(model, BlockModel) and model.period:
+            _STRUCTURES[key] = model.rates(FASTEST)
+        else:
+            _STRUCTURES[key] = model.plant(late=True, fastest=FASTEST)
     return _STRUCTURES[key]
 
 

@@ -69,6 +69,9 @@ def _group_within(fit: Fit, group: Group, parameters: list[float]) -> tuple[Arra
     """Return the states at the middles of S sub-steps of N steps, (n_states, S, N), and the responses."""
     problem, steps = fit.problem, group.steps
     n, (S, N) = len(problem.free), group.place.shape
+    if problem.period:  # a rate at a tick acts for the period, and the state is that of the row
+        start = np.moveaxis(fit.path[:-1], 2, 0).reshape(-1, problem.dt.size)[:, group.at]
+        return start[:, None], np.eye(n)[:, :, None, None] * steps.h
     x = np.moveaxis(fit.path[:-1], 2, 0).reshape(-1, problem.dt.size)[:, group.at]
     known = {i: v[None] for i, v in steps.lagged.items()}
     path = shoot(problem.block, steps.t[None], steps.h, steps.u[:, None], known, parameters, x)

@@ -256,9 +256,7 @@ def prediction(fit: Fit, horizon: float, k: int | None = None) -> Prediction:
     keep = np.unique(np.linspace(0, log.size - 1, min(log.size, MOST_STARTS)).astype(int))
     log, x0, y = log[keep], x0[:, keep], y[:, keep]
     start, stop = np.concatenate(t0)[keep], np.concatenate(t1)[keep]
-    S = max(1, int(np.ceil((stop - start).max() / problem.longest_piece - 1e-9)))
-    h = np.broadcast_to((stop - start) / S, (S, log.size))
-    t = start + np.arange(S)[:, None] * h
+    t, h = problem.divided(start, stop)
 
     def errors(of: Block) -> tuple[dict[str, float], dict[str, float]]:
         x = _simulate(fit, of, x0, t, h, log)[-1]
@@ -372,7 +370,7 @@ def _simulate(fit: Fit, block: Block, x0: Array, t: Array, h: Array, log: NDArra
     u, lagged = problem.inputs.between(parameters, t.reshape(1, -1), h.ravel(), np.tile(log, len(t)))
     known = {i: v.reshape(shape) for i, v in lagged.items()}
     with np.errstate(all="ignore"):
-        return shoot(block, t[None], h, u.reshape(len(u), *shape), known, parameters, x0)
+        return shoot(block, t[None], h, u.reshape(len(u), *shape), known, parameters, x0, euler=problem.euler)
 
 
 def _errors(

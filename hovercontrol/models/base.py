@@ -42,6 +42,11 @@ class EffectModel(ABC):
     is_craft: ClassVar[bool] = False
 
     @property
+    def period(self) -> float:
+        """Sampling period of a model that holds next values [s]; 0 for a continuous one."""
+        return 0.0
+
+    @property
     def pushed(self) -> tuple[str, ...]:
         """States whose equations an effect may extend though no effect of the model acts there yet."""
         return ()

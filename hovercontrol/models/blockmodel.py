@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -20,11 +21,14 @@ from hovercontrol.core.expressions import Expressions
 from hovercontrol.core.signals import Signal, time
 from hovercontrol.core.summary import block_line
 from hovercontrol.effects import Effect, effect_class
+from hovercontrol.effects.actuator import clipped
 from hovercontrol.effects.generic import generic_effects
 from hovercontrol.effects.law import is_law, law_class
+from hovercontrol.effects.measurement import TimeOffset
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.models.actuated import saturated
 from hovercontrol.models.base import EffectModel, as_measured, delays_of, effect_lines, rate_limit
+from hovercontrol.models.rates import is_period, late_inputs, next_value, rate_form
 
 #: Names that a signal may not have, and why.
 TAKEN = {
@@ -106,6 +110,15 @@ class BlockModel(EffectModel):
             if s.name in TAKEN:
                 raise InputError(self.block.where(f"reserved signal name {s.name!r}: {TAKEN[s.name]}"))
         self._refuse_twice()
+        if self.block.period:
+            self._refuse_modes()
+
+    def _refuse_modes(self) -> None:
+        for s in (*self.block.states, *self.block.inputs):
+            if s.modes:
+                raise InputError(
+                    self.block.where(f"{s.name!r} is a mode: the states of a sampled model are real numbers")
+                )
 
     def _repr_html_(self) -> str:
         from hovercontrol.models.display import blockmodel_html
@@ -116,6 +129,11 @@ class BlockModel(EffectModel):
     def name(self) -> str:
         """The Block's name."""
         return self.block.name
+
+    @property
+    def period(self) -> float:
+        """Sampling period of a Block that holds next values [s]; 0 for a continuous one."""
+        return self.block.period
 
     @property
     def motion(self) -> tuple[str, ...]:
@@ -143,20 +161,28 @@ class BlockModel(EffectModel):
         expressions = (block.derivatives, block.output_expressions, block.definitions)
         return (
             self.name,
-            (block.states, block.inputs, block.outputs, tuple(parameters), self.limited),
+            (block.states, block.inputs, block.outputs, tuple(parameters), self.limited, block.period),
             *(tuple(e.items()) for e in expressions),
             *(type(e) for e in self.effects),
         )
 
+    @cached_property
+    def _generic(self) -> Mapping[str, type[Effect]]:
+        """The effects made for the Block's own equations, inputs and outputs."""
+        if not self.period:
+            return generic_effects(self.block)
+        found = generic_effects(rate_form(self.block))
+        return {name: cls for name, cls in found.items() if _fits_steps(cls)}
+
     def accepts(self, cls: type[Effect]) -> bool:
         """Return whether the model can take the effect."""
         if self.catalogue is None:
-            return generic_effects(self.block).get(cls.name) is cls
+            return self._generic.get(cls.name) is cls
         return cls.name in self.catalogue
 
     def candidates(self) -> tuple[type[Effect], ...]:
         """Return the effects that could be added to the model."""
-        names = generic_effects(self.block) if self.catalogue is None else self.catalogue
+        names = self._generic if self.catalogue is None else self.catalogue
         have = {e.name for e in self.effects}
         return tuple(self.effect_class(name) for name in names if name not in have)
 
@@ -172,7 +198,7 @@ class BlockModel(EffectModel):
             return law_class(name, self.law_units())
         if self.catalogue is not None and name in Effect.known:
             return effect_class(name)
-        generic = generic_effects(self.block)
+        generic = self._generic
         if name not in {**generic, **Effect.known}:
             raise InputError(f"unknown effect {name!r}{did_you_mean(name, [*Effect.known, *generic])}")
         return generic.get(name) or effect_class(name)
@@ -180,7 +206,9 @@ class BlockModel(EffectModel):
     def linear_coefficients(self) -> tuple[str, ...]:
         """Return the names of the coefficients in which the plant is linear, the Block's and the effects'."""
         linear = linear_parameters(self.block)
-        own = tuple(name for name, p in self._parameters.items() if p.name in linear)
+        own = tuple(
+            name for name, p in self._parameters.items() if p.name in linear and not is_period(self.block, p)
+        )
         return (*own, *self._linear_in_effects())
 
     def coefficients(self) -> dict[str, float]:
@@ -268,9 +296,9 @@ class BlockModel(EffectModel):
         _, way = self._way()
         return str(way.delay or ""), str(self._seen().late or "")
 
-    def _way(self) -> tuple[dict[Signal, sp.Expr], SimpleNamespace]:
+    def _way(self, limited: bool = False) -> tuple[dict[Signal, sp.Expr], SimpleNamespace]:
         way = SimpleNamespace(
-            thrusts={s.name: s.symbol for s in self.block.inputs},
+            thrusts={s.name: _limited(s) if limited else s.symbol for s in self.block.inputs},
             rudder=sp.Symbol("rudder", real=True),
             time=time,
             inputs={s.name: s.symbol for s in self.block.inputs},
@@ -327,10 +355,32 @@ class BlockModel(EffectModel):
         block = self._amended(late, fastest) if self.effects else self.block
         return saturated(block) if (self.limited if limited is None else limited) else block
 
-    def _amended(self, late: bool, fastest: float | None) -> Block:
-        """Return the Block with the effects."""
-        block = self.block
-        lags, way = self._way()
+    def rates(self, fastest: float) -> Block:
+        """Return the continuous Block with the rates of a sampled model, for an engine that shifts inputs.
+
+        Euler's method with steps of the period gives the next values (:mod:`hovercontrol.models.rates`).
+
+        Parameters
+        ----------
+        fastest : float
+            As for :meth:`plant`.
+
+        Examples
+        --------
+        >>> y, c, a = Signal("y", "V"), Signal("c", "V"), Signal("a", "1", start=0.2)
+        >>> steps = {"y": (1 - a.symbol) * y.symbol + a.symbol * c.symbol}
+        >>> filtered = BlockModel(Block("filter", [y], [c], [y], [a], steps, period=0.05))
+        >>> print(filtered.with_effects([filtered.effect_class("y_offset")(0.1)]).rates(1e3).equations())
+        y' = 20*a*c - 20*a*y + filter.y_offset
+        """
+        return self._amended(True, fastest, rates=True)
+
+    def _amended(self, late: bool, fastest: float | None, *, rates: bool = False) -> Block:
+        """Return the Block with the effects, or, of a sampled Block, its rates with the effects."""
+        block = rate_form(self.block) if rates else self.block
+        step = Signal("period", "s", "sampling period", start=block.period) if block.period else None
+        lags, way = self._way(limited=rates and self.limited)
+        memory = self._remembered(way, lags, step) if step and not late else {}
         swap = {s.symbol: way.thrusts[s.name] for s in block.inputs}
         derivatives = {name: e.xreplace(swap) for name, e in block.derivatives.items()}
         limit = rate_limit(self.name, fastest)
@@ -342,9 +392,13 @@ class BlockModel(EffectModel):
                 if state not in derivatives:
                     hint = did_you_mean(state, derivatives)
                     raise InputError(f"effect {e.name}: {self.name!r} has no state {state!r}{hint}")
-                derivatives[state] += term
-        used = set().union(*(e.free_symbols for e in (*derivatives.values(), *own.values())))
-        limits = (limit,) if limit and limit.symbol in used else ()
+                derivatives[state] += step.symbol * term if step else term
+        if step:
+            own = {s: next_value(s, rate, step.symbol) for s, rate in own.items()}
+        used = set().union(
+            *(e.free_symbols for e in (*derivatives.values(), *own.values(), *memory.values()))
+        )
+        derivatives |= {s.name: e for s, e in (own | memory).items()}
         seen = self._seen()
         changed = {
             s: getattr(seen, s.name)
@@ -352,27 +406,61 @@ class BlockModel(EffectModel):
             if getattr(seen, s.name) != getattr(seen.true, s.name)
         }
         measured = {as_measured(s): e for s, e in changed.items()}
-        return Block(
-            block.name,
-            states=(*block.states, *own),
-            inputs=block.inputs,
-            delays={} if late else delays_of(self.timing(), block.inputs, self.coefficients()),
-            outputs=(*block.outputs, *measured),
-            parameters=(
+        shown = {
+            s.name: block.output_expressions[s.name].xreplace(swap)
+            for s in block.outputs
+            if rates or s.name not in block.derivatives
+        }
+        parts: dict[str, Any] = {
+            "states": (*block.states, *own, *memory),
+            "outputs": (*block.outputs, *measured),
+            "parameters": (
                 *block.parameters,
                 *(p for e in self.effects for p in e.signals(self.name, self._units())),
-                *limits,
+                *(s for s in (limit, step) if s and s.symbol in used),
             ),
-            derivatives={**derivatives, **{s.name: slope for s, slope in own.items()}},
-            output_expressions=Expressions(
-                {
-                    **{
-                        s.name: block.output_expressions[s.name].xreplace(swap)
-                        for s in block.outputs
-                        if s.name not in block.derivatives
-                    },
-                    **{s.name: e for s, e in measured.items()},
-                }
-            ),
-            definitions={name: e.xreplace(swap) for name, e in block.definitions.items()},
-        )
+            "derivatives": Expressions(derivatives),
+            "output_expressions": Expressions({**shown, **{s.name: e for s, e in measured.items()}}),
+            "definitions": Expressions({name: e.xreplace(swap) for name, e in block.definitions.items()}),
+        }
+        if rates:
+            return block.unchecked(**parts)
+        delays = {} if late or step else delays_of(self.timing(), block.inputs, self.coefficients())
+        return Block(block.name, inputs=block.inputs, delays=delays, period=block.period, **parts)
+
+    def _remembered(
+        self, way: SimpleNamespace, lags: dict[Signal, sp.Expr], step: Signal
+    ) -> dict[Signal, sp.Expr]:
+        """Let the inputs of a sampled plant arrive late; return the memories of their past values."""
+        arriving = delays_of(self.timing(), self.block.inputs, self.coefficients())
+        if not arriving:
+            return {}
+        names = [name for name in self.timing() if name]
+        delay = sum(self.coefficients()[name.rpartition(".")[2]] for name in names)
+        swap: dict[sp.Symbol, sp.Expr] = {}
+        memory: dict[Signal, sp.Expr] = {}
+        for s, past in late_inputs(self.block.inputs, delay, step.start).items():
+            values = [s.symbol, *(m.symbol for m in past)]
+            # d = (n + r) T, 0 <= r < 1:  u arrives as (1 - r) u(k-n) + r u(k-n-1)
+            n = len(past) - 1
+            r = arriving[s.name] / step.symbol - n
+            swap[s.symbol] = values[n] + r * (values[n + 1] - values[n])
+            memory |= dict(zip(past, values, strict=False))
+        for name, e in way.thrusts.items():
+            way.thrusts[name] = e.xreplace(swap)
+        lags.update({state: e.xreplace(swap) for state, e in lags.items()})
+        return memory
+
+
+def _limited(s: Signal) -> sp.Expr:
+    """Return an input between its bounds."""
+    low, high = (sp.Float(b) if math.isfinite(b) else None for b in (s.lower, s.upper))
+    return clipped(s.symbol, low, high)
+
+
+def _fits_steps(cls: type[Effect]) -> bool:
+    """Return whether a sampled model can have an effect: nothing in it acts between two steps.
+
+    The bristles of LuGre friction and a second-order lag do; a late clock is there the same as a late input.
+    """
+    return not (cls.name.endswith(("_lugre", "_second_order_lag")) or cls is TimeOffset)

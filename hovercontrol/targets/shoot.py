@@ -1,6 +1,7 @@
 """Simulate many windows of logs at once, with the sensitivities of their final states.
 
-The classical Runge-Kutta method is used with equal steps between two rows, and with smooth dry friction.
+The classical Runge-Kutta method is used with equal steps between two rows, and with smooth dry friction;
+for the rates of a sampled model Euler's method, which is exact for these.
 NumPy does the work until a library is built; that needs a compiler with useful vector instructions. The two
 agree to rounding.
 """
@@ -48,7 +49,10 @@ class _Shoot(ctypes.Structure):
     """hc_shoot of hc_shoot.h."""
 
     _fields_ = (
-        *((name, ctypes.c_int) for name in ("n_states", "n_inputs", "n_parameters", "n_known", "n_columns")),
+        *(
+            (name, ctypes.c_int)
+            for name in ("n_states", "n_inputs", "n_parameters", "n_known", "n_columns", "euler")
+        ),
         *((name, ctypes.c_long) for name in ("windows", "rows", "pieces")),
         *((name, ctypes.c_void_p) for name in ("known", "time", "step", "inputs", "values")),
         *((name, ctypes.c_void_p) for name in ("parameters", "states", "slopes")),
@@ -85,6 +89,8 @@ def shoot(
     known: Mapping[int, Array],
     parameters: Sequence[float],
     start: Array,
+    *,
+    euler: bool = False,
 ) -> Array:
     """Simulate windows of logs.
 
@@ -102,13 +108,16 @@ def shoot(
         Values of all parameters, in order.
     start : ndarray, shape (n_states, W)
         Initial states.
+    euler : bool, optional
+        Whether the steps are Euler's, ``x + h f(t, x, u, p)``: the next values of a sampled model whose rates
+        the Block holds (:meth:`.BlockModel.rates`).
 
     Returns
     -------
     ndarray, shape (K, n_states, W)
         States at the rows; infinite or NaN where the simulation diverges.
     """
-    return _shoot(block, time, step, inputs, known, parameters, start, None)[0]
+    return _shoot(block, time, step, inputs, known, parameters, start, None, euler)[0]
 
 
 def shoot_with_slopes(
@@ -120,6 +129,8 @@ def shoot_with_slopes(
     parameters: Sequence[float],
     start: Array,
     columns: Columns,
+    *,
+    euler: bool = False,
 ) -> tuple[Array, Array]:
     """Simulate windows, with the sensitivities S = dx/dtheta of their final states.
 
@@ -134,7 +145,7 @@ def shoot_with_slopes(
 
     Parameters
     ----------
-    block, time, step, inputs, known, parameters, start
+    block, time, step, inputs, known, parameters, start, euler
         As for :func:`shoot`.
 
     Returns
@@ -144,7 +155,7 @@ def shoot_with_slopes(
     ndarray, shape (n_states, n_columns, W)
         Sensitivities of the states of the last row.
     """
-    return _shoot(block, time, step, inputs, known, parameters, start, columns)
+    return _shoot(block, time, step, inputs, known, parameters, start, columns, euler)
 
 
 def _shoot(
@@ -156,6 +167,7 @@ def _shoot(
     parameters: Sequence[float],
     start: Array,
     columns: Columns | None,
+    euler: bool,
 ) -> tuple[Array, Array]:
     states = np.empty((time.shape[1] + 1, *start.shape))
     states[0] = start
@@ -164,7 +176,7 @@ def _shoot(
     for i, values in known.items():
         states[0, i] = values[0, 0]
     run = _compiled(block) or _Numpy(block)
-    run.run(time, step, inputs, known, parameters, states, columns, slopes)
+    run.run(time, step, inputs, known, parameters, states, columns, slopes, euler)
     return states, slopes
 
 
@@ -185,6 +197,7 @@ class _Numpy:
         states: Array,
         columns: Columns | None,
         slopes: Array,
+        euler: bool,
     ) -> None:
         n, p = self._count, parameters
         x = np.zeros((n, 1 + slopes.shape[1], *states.shape[2:]))  # states, then sensitivities by column
@@ -208,7 +221,7 @@ class _Numpy:
                     u, h = inputs[:, piece, row], step[piece, row]
                     for i, values in known.items():
                         x[i, 0] = values[piece, row]
-                    x = rk4_step(partial(slope, u), begin, x, h)
+                    x = x + h * slope(u, begin, x) if euler else rk4_step(partial(slope, u), begin, x, h)
                 states[row + 1] = x[:, 0]
         slopes[:] = x[:, 1:]
 
@@ -243,6 +256,7 @@ class _Compiled:
         states: Array,
         columns: Columns | None,
         slopes: Array,
+        euler: bool,
     ) -> None:
         pieces, rows, windows = time.shape
         which = np.array(list(known), dtype=np.intc)
@@ -256,7 +270,7 @@ class _Compiled:
         ]
         if columns:
             arrays += [np.array(of, dtype=np.intc) for of in (columns.of_state, columns.of_parameter)]
-        numbers = len(known), slopes.shape[1], windows, rows + 1, pieces
+        numbers = len(known), slopes.shape[1], euler, windows, rows + 1, pieces
         shoot = _Shoot(*self._sizes, *numbers, *(a.ctypes.data for a in arrays))
         parts = min(threads(), max(windows // SHARE, 1))
         edges = np.linspace(0, windows, parts + 1).astype(int).tolist()

@@ -160,3 +160,24 @@ def test_threads_that_outlive_an_interrupt_write_into_arrays_that_are_theirs(cas
     states[1:] = np.nan
     assert [work(job) for work, job in begun] == [0, 0]  # nobody but the jobs holds the arrays now
     assert np.isfinite(states).all()
+
+
+def test_euler_steps_of_rates_are_the_next_values(monkeypatch):
+    y, u, a = Signal("y", "1"), Signal("u", "1/s"), Signal("a", "1/s", start=0.3)
+    block = Block("map", [y], [u], [y], [a], {"y": u.symbol - a.symbol * y.symbol**2})
+    h = np.array([0.5, 0.5, 0.0])[:, None, None] * np.ones((1, 1, W))  # a step of length zero changes nothing
+    inputs = np.random.default_rng(3).normal(size=(1, 3, 1, W))
+    given = (block, np.zeros_like(h), h, inputs, {}, [0.3], np.linspace(-1.0, 1.0, W)[None])
+    x, by_start, by_a = given[-1][0], np.ones(W), np.zeros(W)
+    for k in range(2):  # y+ = y + h (u - a y^2), and its slopes by the chain rule
+        by_a = by_a * (1.0 - 0.3 * x) - 0.5 * x**2
+        by_start = by_start * (1.0 - 0.3 * x)
+        x = x + 0.5 * (inputs[0, k, 0] - 0.3 * x**2)
+    library = module._compiled.future(block)
+    for compiled in (False, not library.exception()):
+        with monkeypatch.context() as patch:
+            if not compiled:
+                patch.setattr(module, "_compiled", lambda block: None)
+            states, slopes = shoot_with_slopes(*given, Columns([0], [1]), euler=True)
+        np.testing.assert_allclose(states[1, 0], x, rtol=1e-13)
+        np.testing.assert_allclose(slopes[0], [by_start, by_a], rtol=1e-12, atol=1e-14)

@@ -150,7 +150,7 @@ def simulate_runs(
     start = np.stack([path[row[0], block[0]] for row, block in runs], axis=-1)
     log = np.array([problem.rows.log[block[0]] for _, block in runs])
     dt = np.diff(t, axis=0)
-    S = max(problem.usual_pieces, math.ceil(float(dt.max()) / STEP - 1e-9))
+    S = 1 if problem.period else max(problem.usual_pieces, math.ceil(float(dt.max()) / STEP - 1e-9))
     h = dt / S
     begin = t[:-1] + np.arange(S)[:, None, None] * h
     every = np.tile(log, M - 1)
@@ -163,6 +163,7 @@ def simulate_runs(
         {i: v.reshape(S, M - 1, N) for i, v in lagged.items()},
         parameters,
         start,
+        euler=problem.euler,
     )
     x = np.moveaxis(states, 1, 0).reshape(states.shape[1], -1)
     with np.errstate(all="ignore"):

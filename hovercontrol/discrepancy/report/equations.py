@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import sympy as sp
 
+from hovercontrol.core.block import Block
 from hovercontrol.discrepancy.report.context import Context, numbers_by_effect
 from hovercontrol.discrepancy.report.formatting import (
     effect_words,
@@ -20,7 +21,7 @@ from hovercontrol.discrepancy.report.formatting import (
 )
 from hovercontrol.discrepancy.report.templates import Table, render, table
 from hovercontrol.display.mathml import MathPrinter, symbol_markup
-from hovercontrol.estimation.subject import structure, timing
+from hovercontrol.estimation.subject import Subject, structure, timing
 from hovercontrol.models.base import quantity_of
 
 
@@ -51,10 +52,9 @@ def equations(m: Context) -> str:
     """Return the section with the equations that change; empty if none does."""
     if not m.changed:
         return ""
-    old, new = structure(m.diagnosis.refitted), structure(m.diagnosis.amended)
-    lines = [
-        _line(name, e, old.derivatives.get(name), new.name, dot=True) for name, e in new.derivatives.items()
-    ]
+    old, new = _shown(m.diagnosis.refitted), _shown(m.diagnosis.amended)
+    mark = "+" if new.period else "′"
+    lines = [_line(name, e, old.derivatives.get(name), new.name, mark) for name, e in new.derivatives.items()]
     lines += [
         _line(name, e, old.output_expressions.get(quantity_of(name)[0]), new.name)
         for name, e in new.output_expressions.items()
@@ -104,7 +104,12 @@ def _timing(m: Context) -> set[str]:
     return {name.rpartition(".")[2] for name in timing(m.diagnosis.amended) if name}
 
 
-def _line(name: str, e: sp.Expr, before: sp.Expr | None, owner: str, *, dot: bool = False) -> str:
+def _shown(model: Subject) -> Block:
+    """Return the Block whose equations are shown: of a sampled model with its next values."""
+    return model.plant(late=True) if model.period else structure(model)
+
+
+def _line(name: str, e: sp.Expr, before: sp.Expr | None, owner: str, mark: str = "") -> str:
     """Return an equation as MathML with its new terms marked; empty if it has not changed.
 
     A parameter is written as c with its name below, since a coefficient and a command may share a name.
@@ -119,7 +124,7 @@ def _line(name: str, e: sp.Expr, before: sp.Expr | None, owner: str, *, dot: boo
         sign = "<mo form='infix'>−</mo>" if negative else ("<mo form='infix'>+</mo>" if k else "")
         body = MathPrinter().doprint(-term if negative else term)
         right += f"{sign}{body}" if term in known else f"{sign}<mrow class='new'>{body}</mrow>"
-    left = f"<msup>{symbol_markup(name)}<mo>′</mo></msup>" if dot else symbol_markup(name)
+    left = f"<msup>{symbol_markup(name)}<mo>{mark}</mo></msup>" if mark else symbol_markup(name)
     text = f"<div class='eq'><math><mrow>{left}<mo>=</mo>{right}</mrow></math></div>"
     return re.sub(
         rf"<mtext>{re.escape(owner)}\.(.*?)</mtext>", r"<msub><mi>c</mi><mtext>\1</mtext></msub>", text

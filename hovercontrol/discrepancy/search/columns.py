@@ -94,7 +94,8 @@ class Along:
         self._within = within(fit)
         self._steps = self._within.steps
         self._rate = {rate_key(problem.block): followed_rate(float(self._steps.h.max()))}
-        self._t = self._steps.t + 0.5 * self._steps.h
+        # where rates are taken: in the middles of sub-steps, or at the ticks of a sampled model
+        self._t = self._steps.t + (0.0 if problem.period else 0.5) * self._steps.h
         self._base: Array | None = None
         self._means: dict[float, Array] = {}
         self._lagged: dict[tuple[object, ...], list[Array]] = {}
