@@ -4,7 +4,7 @@ The coefficients are appended to the measured states, ``xi = [x, c]``. The syste
 ``xi' = A xi + [h, 0], A = [[0, G], [0, 0]]`` is linear and time-varying because G and h use the measured
 signals [C17 eq 2, 3, 4, 5]. The estimator is its Kalman-Bucy filter; for the hovercraft it has the matrices
 of [C17 eq 13]. Signal names follow python-control's estimators: ``xhat[i]``, ``P[i,j]`` (here the upper
-triangle).
+triangle). Of a sampled Block it is the filter of :mod:`.ticking`.
 """
 
 from __future__ import annotations
@@ -18,8 +18,9 @@ from numpy.typing import ArrayLike
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.core.signals import Signal, time
-from hovercontrol.errors import InputError
+from hovercontrol.estimators.diagonal import diagonal
 from hovercontrol.estimators.regression import regression
+from hovercontrol.estimators.ticking import sampled_estimator
 
 
 @checked
@@ -33,6 +34,8 @@ def kalman_bucy(
     name: str = "estimator",
 ) -> Block:
     """Return the estimator of chosen coefficients of a Block.
+
+    Of a sampled Block it is :func:`~hovercontrol.estimators.ticking.sampled_estimator`, with its period.
 
     Parameters
     ----------
@@ -68,6 +71,8 @@ def kalman_bucy(
     >>> len(e.states), e.outputs[4].name
     (77, 'yaw_coulomb_hat')
     """
+    if block.period:
+        return sampled_estimator(block, estimate, period=block.period, R=R, Q=Q, P0=P0, name=name)
     regression(block, estimate)  # errors name the Block, not the estimator
     block = block.named(name)  # the remaining parameters belong to the estimator
     model = regression(block, estimate)
@@ -155,18 +160,3 @@ def _named_regressors(G: sp.Matrix) -> tuple[sp.Matrix, dict[str, sp.Expr]]:
         return symbol
 
     return sp.Matrix(*G.shape, named), definitions
-
-
-def diagonal(name: str, value: ArrayLike, size: int, positive: bool = False) -> list[float]:
-    """Return the diagonal of a covariance, given as one number or as `size` numbers."""
-    try:
-        array = np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
-        raise InputError(f"{name}: expected one number or {size} of them, found {value!r}") from None
-    if array.ndim > 1 or (array.ndim == 1 and array.shape != (size,)):
-        raise InputError(f"{name}: expected one number or {size} of them, found shape {array.shape}")
-    full = np.broadcast_to(array, size)
-    if not np.isfinite(full).all() or (full < 0).any() or (positive and (full == 0).any()):
-        sign = "positive" if positive else "not negative"
-        raise InputError(f"{name} must be finite and {sign}, found {full.min():g}")
-    return [float(v) for v in full]

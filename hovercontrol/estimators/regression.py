@@ -1,6 +1,7 @@
 """A Block as a linear regression: ``x' = h + G c`` [C17 eq 1], for chosen coefficients c.
 
-G is the symbolic derivative of x' with respect to the coefficients, and h is x' with c = 0.
+G is the symbolic derivative of x' with respect to the coefficients, and h is x' with c = 0. Of a sampled
+Block the next values are meant: ``x(k+1) = h + G c`` at the tick k.
 """
 
 from __future__ import annotations
@@ -21,14 +22,14 @@ from hovercontrol.io.short_repr import short_repr
 @checked
 @dataclass(frozen=True)
 class Regression:
-    """``x' = h + G c`` for some states and coefficients of a Block.
+    """``x' = h + G c`` for some states and coefficients of a Block; ``x(k+1) = h + G c`` of a sampled one.
 
     Parameters
     ----------
     block : Block
         The Block of the regression.
     states : tuple of Signal
-        The states x, length n: those whose derivative depends on a coefficient.
+        The states x, length n: those whose derivative, or next value, depends on a coefficient.
     coefficients : tuple of Signal
         The coefficients c, length m, as parameters of the Block.
     names : tuple of str
@@ -78,6 +79,11 @@ def regression(block: Block, coefficients: Sequence[str] | None = None) -> Regre
     >>> from hovercontrol.models.vehicles import hoverdemon
     >>> regression(hoverdemon().plant()).G[2, :]
     Matrix([[0, -thrust*sin(rudder)]])
+    >>> y, u, a = Signal("y", "V"), Signal("u", "V"), Signal("a", "1", start=0.2)
+    >>> steps = {"y": y.symbol + a.symbol * (u.symbol - y.symbol)}
+    >>> found = regression(Block("filter", [y], [u], [y], [a], steps, period=0.05))
+    >>> found.h, found.G  # the next y is h + G a
+    ((y,), Matrix([[u - y]]))
     """
     block.need_prompt_inputs("a regression")
     if coefficients is None:
@@ -99,13 +105,14 @@ def regression(block: Block, coefficients: Sequence[str] | None = None) -> Regre
         if bad:
             state = block.states[i].name
             raise InputError(
-                f"block {block.name!r} is not linear in {names[j]!r}: in {state}' its factor is '{e}', "
+                f"block {block.name!r} is not linear in {names[j]!r}: in {block.update_text(state)} its "
+                f"factor is '{e}', "
                 f"which depends on {', '.join(sorted(s.name for s in bad))}"
             )
-    rows = sorted({i for i, _ in entries})
+    rows, what = sorted({i for i, _ in entries}), "next value" if block.period else "derivative"
     for j, name in enumerate(names):
         if not any((i, j) in entries for i in rows):
-            raise InputError(f"block {block.name!r}: {name!r} acts in no derivative, it cannot be estimated")
+            raise InputError(f"block {block.name!r}: {name!r} acts in no {what}, it cannot be estimated")
     zero = dict.fromkeys(symbols, sp.S.Zero)
     expressions = list(block.derivatives.values())
     return Regression(

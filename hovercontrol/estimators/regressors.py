@@ -22,6 +22,8 @@ Array = NDArray[np.float64]
 class Regressors:
     """h and G of a regression ``x' = h + G c`` as compiled functions of time and signals.
 
+    Of a sampled Block ``x(k+1) = h + G c``.
+
     Parameters
     ----------
     model : Regression
@@ -47,7 +49,7 @@ class Regressors:
 
     def __init__(self, model: Regression, drift: bool = True) -> None:
         n, m = model.G.shape
-        rates = [f"({s.unit})/s" for s in model.states]
+        rates = [s.unit if model.block.period else f"({s.unit})/s" for s in model.states]
         entries = {
             (i, 0): (Signal(f"h[{i}]", rates[i]), e) for i, e in enumerate(model.h) if drift and e != 0
         }

@@ -15,10 +15,10 @@ from numpy.typing import ArrayLike, NDArray
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
-from hovercontrol.estimators.kalman_bucy import diagonal
+from hovercontrol.estimators.diagonal import diagonal
 from hovercontrol.estimators.regression import regression
 from hovercontrol.estimators.regressors import Regressors
-from hovercontrol.estimators.sampled_step import Plain, begun, corrected, predicted
+from hovercontrol.estimators.sampled_step import Plain, begun, corrected, predicted, rates
 
 Array = NDArray[np.float64]
 _PLAIN = Plain()
@@ -36,7 +36,7 @@ class SampledEstimator:
         Coefficients to estimate (default: all in which the Block is linear); the others keep the
         Block's values.
     dt : float
-        Nominal sample time [s].
+        Nominal sample time [s]; that of a sampled Block is its period.
     R : array_like, scalar or shape (n,), optional
         Intensities of the measurement noise of the n states that the coefficients act on; the noise of a
         sample has covariance R/dt.
@@ -59,7 +59,8 @@ class SampledEstimator:
     Raises
     ------
     InputError
-        As :func:`~hovercontrol.estimators.kalman_bucy.kalman_bucy`; or if dt is not positive.
+        As :func:`~hovercontrol.estimators.kalman_bucy.kalman_bucy`; or if dt is not positive, or not the
+        period of a sampled Block.
 
     Examples
     --------
@@ -84,6 +85,8 @@ class SampledEstimator:
     ) -> None:
         if not 0 < dt < math.inf:
             raise InputError(f"dt must be positive, found {dt!r}")
+        self._period = block.period
+        self._check_step("dt", dt)
         model = regression(block, estimate)
         n, m = model.G.shape
         self.model, self.dt, self.names = model, float(dt), model.names
@@ -157,8 +160,13 @@ class SampledEstimator:
         n, own = self._n, np.array([y[i] for i in self._own])
         if self._before is not None:
             f = self._regressors
-            ends = f.at(t - step, self._before + u), f.at(t, y + u)
-            x, P = predicted(self._xi, self.covariance, *ends, self._Q, step, _PLAIN)
+            start = f.at(t - step, self._before + u)
+            if self._period:
+                before = np.array([self._before[i] for i in self._own])
+                start = end = rates(start, before, step)
+            else:
+                end = f.at(t, y + u)
+            x, P = predicted(self._xi, self.covariance, start, end, self._Q, step, _PLAIN)
             x, P = corrected(x, P, own, self._Rd, _PLAIN)
         elif self._expected:
             x, P = corrected(self._xi, self.covariance, own, self._Rd, _PLAIN)
@@ -193,3 +201,8 @@ class SampledEstimator:
                 raise InputError(f"estimator: {', '.join(bad)} not finite at t = {t:.6g} s")
         if not 0 < dt < math.inf:
             raise InputError(f"estimator: dt must be positive, found {dt!r} at t = {t:.6g} s")
+        self._check_step(f"estimator: at t = {t:.6g} s dt", dt)
+
+    def _check_step(self, what: str, dt: float) -> None:
+        if self._period and not 0.7 * self._period < dt < 1.3 * self._period:
+            raise InputError(f"{what}: expected the period of the block, {self._period:g} s, found {dt:g}")

@@ -1,7 +1,9 @@
 """One step of C17's estimator (sections III, V) for sampled data, for both numbers and symbols.
 
 Between two samples ``x[k+1] = x[k] + dt (h + G c)`` and ``c[k+1] = c[k]``. Here h and G are the means of
-their values at both ends: the states are measured there, and the inputs are held. Arrays contain floats in
+their values at both ends: the states are measured there, and the inputs are held. Of a sampled Block, whose
+next values are ``h + G c`` at the measured states y, they are ``(h - y)/dt`` and ``G/dt`` (:func:`rates`).
+Arrays contain floats in
 :class:`~hovercontrol.estimators.sampled.SampledEstimator`, or SymPy expressions in
 :func:`~hovercontrol.estimators.ticking.sampled_estimator`, which names intermediate results as definitions.
 
@@ -68,6 +70,13 @@ def predicted(
     whole = half + Q * dt
     whole[:, :n] += half[:, n:] @ G.T
     return names.matrix("predicted_x", moved), names.symmetric("predicted_P", whole)
+
+
+def rates(table: Values, y: Values, dt: Any) -> Values:
+    """Return ``[h G]`` of the rates of a sampled Block from that of its next values at measured states y."""
+    found = table / dt
+    found[:, 0] -= y / dt
+    return found
 
 
 def corrected(x: Values, P: Values, y: Values, R: Values, names: Names) -> tuple[Values, Values]:

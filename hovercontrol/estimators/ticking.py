@@ -16,10 +16,10 @@ from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.core.signals import Signal, time
 from hovercontrol.errors import InputError
+from hovercontrol.estimators.diagonal import diagonal
 from hovercontrol.estimators.ins.kalman import Equations, Estimate, remember
-from hovercontrol.estimators.kalman_bucy import diagonal
 from hovercontrol.estimators.regression import Regression, regression
-from hovercontrol.estimators.sampled_step import Values, begun, corrected, predicted
+from hovercontrol.estimators.sampled_step import Values, begun, corrected, predicted, rates
 from hovercontrol.io.tables import number, positive
 
 
@@ -28,7 +28,7 @@ def sampled_estimator(
     block: Block,
     estimate: Sequence[str] | None = None,
     *,
-    period: float = 0.01,
+    period: float | None = None,
     R: ArrayLike = 1e-5,
     Q: ArrayLike = 1e-2,
     P0: ArrayLike = 1e-2,
@@ -45,7 +45,7 @@ def sampled_estimator(
         Coefficients to estimate (default: all in which the Block is linear); the others remain parameters of
         the estimator.
     period : float, optional
-        Sampling period [s].
+        Sampling period [s]; default: that of a sampled Block, or 0.01.
     R, Q, P0 : array_like, optional
         As for :class:`~hovercontrol.estimators.sampled.SampledEstimator`. The first n entries of P0 are not
         used: the first sample gives the states, with covariance R/period.
@@ -63,8 +63,8 @@ def sampled_estimator(
     Raises
     ------
     InputError
-        As :func:`~hovercontrol.estimators.kalman_bucy`; or if the period is not positive or the start is not
-        a finite number.
+        As :func:`~hovercontrol.estimators.kalman_bucy`; or if the period is not positive or not that of a
+        sampled Block, or the start is not a finite number.
 
     Examples
     --------
@@ -80,7 +80,9 @@ def sampled_estimator(
     regression(block, estimate)  # errors name the Block, not the estimator
     model = regression(block.named(name), estimate)
     n, m = model.G.shape
-    tick = positive(f"{name}: period", period)
+    tick = positive(f"{name}: period", (block.period or 0.01) if period is None else period)
+    if block.period and tick != block.period:
+        raise InputError(f"{name}: period: expected that of the block, {block.period:g} s, found {tick:g}")
     if not number(f"{name}: start", start) < float("inf"):
         raise InputError(f"{name}: start must be finite, found {start!r}")
     xi = [*model.states, *model.coefficients]
@@ -174,12 +176,19 @@ class _Named:
 def _ends(
     model: Regression, names: _Named, before: dict[sp.Symbol, Signal], step: sp.Symbol
 ) -> tuple[Values, Values]:
-    """Return ``[h G]`` at the last sample and now, both with the inputs held in between."""
+    """Return ``[h G]`` at the last sample and now, both with the inputs held in between.
+
+    Of a sampled Block both are those of its rates at the last sample.
+    """
     inputs = {s.symbol for s in model.block.inputs}
     early = {now: old.symbol for now, old in before.items()}
     late = {now: old for now, old in early.items() if now in inputs} | {time: time}
     early |= {time: time - step}
     table = sp.Matrix([[h, *model.G.row(i)] for i, h in enumerate(model.h)])
+    if model.block.period:
+        y = np.array([before[s.symbol].symbol for s in model.states], dtype=object)
+        once = names.matrix("before", rates(_objects(table.xreplace(early)), y, step))
+        return once, once
     was, now = (_objects(table.xreplace(places)) for places in (early, late))
     return names.matrix("before", was), names.matrix("now", now)
 

@@ -16,8 +16,8 @@ from dataclasses import dataclass
 
 from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
+from hovercontrol.estimators.diagonal import diagonal
 from hovercontrol.estimators.ins.imu import IMU_PERIOD
-from hovercontrol.estimators.kalman_bucy import diagonal
 from hovercontrol.io.tables import number, positive
 
 _SIZES = {"Q1": 2, "R1": 1, "P1": 2, "Q2": 4, "R2": 2, "P2": 6}
