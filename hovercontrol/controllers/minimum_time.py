@@ -134,6 +134,11 @@ def minimum_time(
     (4.0, [1.0, 1.0, -1.0, -1.0])
     """
     block = plant_of(name, plant)
+    if block.period:
+        raise InputError(
+            f"{name}: block {block.name!r} is sampled every {block.period:g} s: its duration is a number of "
+            "steps; give the continuous plant, or solve_ocp the number of steps"
+        )
     at_least(f"{name}: intervals", intervals, 2)
     tolerance = positive(f"{name}: tolerance", tolerance)
     guesses = GUESSES if guess is None else (positive(f"{name}: guess", guess),)

@@ -29,7 +29,7 @@ from hovercontrol.models.interface import AnyModel
 def mpc(
     plant: AnyModel,
     *,
-    period: float = 0.05,
+    period: float | None = None,
     horizon: int = 20,
     weights: Mapping[str, float],
     rate_weights: Mapping[str, float] | None = None,
@@ -56,9 +56,10 @@ def mpc(
     Parameters
     ----------
     plant : Model, BlockModel or Block
-        Continuous; its equations predict the motion.
+        Continuous or sampled; its equations predict the motion.
     period : float, optional
-        Time between samples [s].
+        Time between samples [s]: 0.05 s if it is not given. Of a sampled plant a multiple of its period
+        (default: its period).
     horizon : int, optional
         Number of periods predicted.
     weights : mapping of str to float
@@ -102,8 +103,9 @@ def mpc(
     Raises
     ------
     InputError
-        If CasADi is not installed (``pip install "hovercontrol[mpc]"``), the plant is sampled, its inputs
-        are delayed, a name is unknown, a number is out of range, or a waypoint lies within an obstacle.
+        If CasADi is not installed (``pip install "hovercontrol[mpc]"``), the plant has parts that tick, its
+        inputs are delayed, a name is unknown, a number is out of range, or a waypoint lies within an
+        obstacle.
 
     Examples
     --------
@@ -124,7 +126,7 @@ def mpc(
     (4.0, 0.0)
     """
     block = plant_of(name, plant)
-    period = positive(f"{name}: period", period)
+    period = positive(f"{name}: period", (block.period or 0.05) if period is None else period)
     at_least(f"{name}: horizon", horizon, 2)
     states, inputs = [s.name for s in block.states], [s.name for s in block.inputs]
     both = by_name(f"{name}: weights", weights, [*states, *inputs])

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.controllers.shooting import Stage
-from hovercontrol.core.arguments import at_least
+from hovercontrol.core.arguments import at_least, whole_periods
 from hovercontrol.core.block import Block
 from hovercontrol.core.functions import numpy_functions
 from hovercontrol.errors import InputError, did_you_mean
@@ -78,10 +78,10 @@ def plant_of(name: str, plant: AnyModel) -> Block:
     Raises
     ------
     InputError
-        If it is sampled, has delayed inputs, or lacks states or inputs.
+        If it has parts that tick, has delayed inputs, or lacks states or inputs.
     """
     block = plant if isinstance(plant, Block) else plant.plant()
-    block.need_continuous("prediction", hybrid=False)
+    block.need_no_ticks("prediction")
     block.need_prompt_inputs("the prediction")
     if not block.states or not block.inputs:
         raise InputError(f"{name}: block {block.name!r} needs states and inputs")
@@ -91,11 +91,23 @@ def plant_of(name: str, plant: AnyModel) -> Block:
 def substeps_of(name: str, plant: Block, period: float, given: int | None = None) -> int:
     """Return the given number of steps, or one that is stable for the fastest mode at start and at rest.
 
+    Of a sampled plant it is the number of its own steps.
+
     Parameters
     ----------
     period : float
         [s]
+
+    Raises
+    ------
+    InputError
+        If a number is given for a sampled plant, or the period is no multiple of its period.
     """
+    if plant.period:
+        if given is not None:
+            text = f"{name}: substeps: block {plant.name!r} is sampled and takes its own steps, found {given}"
+            raise InputError(text)
+        return whole_periods(f"{name}: period", period, plant.period)
     if given is not None:
         return at_least(f"{name}: substeps", given, 1)
     f, u = numpy_functions(plant), [s.start for s in plant.inputs]

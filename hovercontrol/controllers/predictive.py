@@ -17,11 +17,13 @@ from numpy.typing import ArrayLike, NDArray
 from hovercontrol.controllers.optimizer import Memory, Optimizer, Solver
 from hovercontrol.controllers.shooting import Stage, transcribe
 from hovercontrol.controllers.way_reference import WayReference
-from hovercontrol.core.arguments import as_row, at_least
+from hovercontrol.core.arguments import as_row, at_least, whole_periods
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
+from hovercontrol.core.functions import numpy_functions
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.io.tables import positive
+from hovercontrol.simulation.given import initial_state
 from hovercontrol.simulation.trajectory import time_response
 
 Array = NDArray[np.float64]
@@ -259,7 +261,7 @@ class MPC:
         plant : Block, optional
             Another plant with the same signals (default: the one that predicts).
         rows : int, optional
-            Rows of the result in each period.
+            Rows of the result in each period; of a sampled plant one for each of its steps.
 
         Returns
         -------
@@ -277,6 +279,8 @@ class MPC:
         )
         at_least(f"{self.name}: rows", rows, 1)
         truth = plant if plant is not None else self.plant
+        if truth.period:
+            return self._stepped(truth, periods, x0, reference)
         run = truth.compile().start(x0)
         self.reset()
         x, y, u = [run.state], [run.outputs], []
@@ -289,3 +293,25 @@ class MPC:
         u.append(u[-1])
         times = np.arange(float(len(y))) * (period / rows)
         return time_response(truth, times, np.array(y).T, np.array(x).T, np.array(u).T)
+
+    def _stepped(
+        self,
+        truth: Block,
+        periods: int,
+        x0: Mapping[str, float] | ArrayLike | None,
+        reference: Mapping[str, ArrayLike] | None,
+    ) -> TimeResponseData:
+        """Return the motion of a sampled plant in closed loop: x(k + 1) = f(x(k), u(k)), u from the plan."""
+        f = numpy_functions(truth)
+        steps = whole_periods(f"{self.name}: period", self.stage.period, truth.period)
+        self.reset()
+        x: list[Array] = [initial_state(truth, x0)]
+        u: list[Array] = []
+        for _ in range(periods):
+            command = self.control(x[-1], reference)
+            for _ in range(steps):
+                x.append(f.derivatives(len(u) * truth.period, x[-1], command))
+                u.append(command)
+        states, inputs = np.array(x).T, np.array([*u, u[-1]]).T
+        times = np.arange(float(len(x))) * truth.period
+        return time_response(truth, times, f.outputs(times, states, inputs), states, inputs)

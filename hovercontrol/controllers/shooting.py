@@ -8,7 +8,8 @@ The unknowns are the states x_0 ... x_N, the inputs u_0 ... u_N-1 and slacks s_1
                 g(x_k) + s_k >= 0
 
 (Bock and Plitt, IFAC World Congress 1984). F integrates the plant over one period h by the
-Runge-Kutta method. g has the distance from each obstacle and from each limit of a state.
+Runge-Kutta method, or applies the map of a sampled plant as often as it steps in h. g has the distance
+from each obstacle and from each limit of a state.
 """
 
 from __future__ import annotations
@@ -38,11 +39,11 @@ class Stage:
     Parameters
     ----------
     plant : Block
-        Continuous.
+        Continuous or sampled.
     period : float
         h [s].
     substeps : int
-        Runge-Kutta steps in a period.
+        Runge-Kutta steps in a period, or steps of a sampled plant.
     parameters : tuple of float
         Values of the plant's parameters.
     lower, upper, rate : ndarray, shape (n_inputs,)
@@ -89,6 +90,10 @@ class Stage:
         p, dt = ca.DM(list(self.parameters)), (h if duration is None else duration) / self.substeps
         x, states = x0, []
         for _ in range(self.substeps):
+            if self.plant.period:
+                x = f(0.0, x, u, p)  # the next value itself
+                states.append(x)
+                continue
             # Runge-Kutta: x + h/6 (k1 + 2 k2 + 2 k3 + k4)
             k1 = f(0.0, x, u, p)
             k2 = f(0.0, x + dt / 2 * k1, u, p)

@@ -23,6 +23,9 @@ from hovercontrol.core.signals import Signal
 from hovercontrol.core.tick_order import tick_order
 from hovercontrol.errors import InputError, did_you_mean
 
+#: What the name of a held output begins with, after its Block's.
+HELD = "held_"
+
 
 @checked
 def rename(block: Block, signals: Mapping[str, str]) -> Block:
@@ -290,7 +293,7 @@ def _part(block: Block, hybrid: bool) -> _Part:
             s.symbol: sp.Symbol(f"{block.name}.{s.name}" if _is_local(block, s) else s.name, real=True)
             for s in local
         },
-        tuple(s.replace(name=f"{block.name}.held_{s.name}") for s in holds),
+        tuple(s.replace(name=f"{block.name}.{HELD}{s.name}") for s in holds),
     )
 
 

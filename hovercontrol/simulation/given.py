@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.interconnect import HELD
 from hovercontrol.errors import InputError
 
 Array = NDArray[np.float64]
@@ -69,19 +70,47 @@ def initial_state(block: Block, x0: Any) -> Array:
     return start
 
 
+def own_states(block: Block) -> dict[str, str]:
+    """Return the states of a sampled Block by their own names, in its form in continuous time.
+
+    There their names have the Block's in front, and its held outputs are further states
+    (:attr:`~hovercontrol.Block.in_continuous_time`). Of other Blocks the states are returned as they are.
+
+    Examples
+    --------
+    >>> from hovercontrol.core.signals import Signal
+    >>> y = Signal("y")
+    >>> filter = Block("filter", [y], [], [y], derivatives={"y": y.symbol / 2}, period=0.1)
+    >>> own_states(filter.in_continuous_time)
+    {'y': 'filter.y'}
+    """
+    before = f"{block.name}."
+    names = (s.name for s in block.states)
+    return {name.removeprefix(before): name for name in names if not name.startswith(f"{before}{HELD}")}
+
+
+def by_state(block: Block, values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return values by the names of the states, given by those or by a sampled Block's own."""
+    known, own = {s.name for s in block.states}, own_states(block)
+    return {name if name in known else own.get(name, name): value for name, value in values.items()}
+
+
 def _given_state(block: Block, x0: Any) -> Array:
     start = np.array([s.start for s in block.states])
     if x0 is None:
         return start
+    names = [s.name for s in block.states]
     if isinstance(x0, Mapping):
-        names = [s.name for s in block.states]
-        for name, value in x0.items():
+        for name, value in by_state(block, x0).items():
             block.signal(name)
             if name not in names:
                 raise InputError(f"block {block.name!r}: {name!r} is not a state")
             start[names.index(name)] = value
         return start
-    given = np.asarray(x0, dtype=float).ravel()
+    given, own = np.asarray(x0, dtype=float).ravel(), own_states(block)
+    if given.size == len(own) < len(names):
+        start[[names.index(name) for name in own.values()]] = given
+        return start
     if given.shape != start.shape:
         raise InputError(f"block {block.name!r}: expected {start.size} initial states, found {given.size}")
     return given

@@ -21,7 +21,7 @@ from hovercontrol.core.block import Block
 from hovercontrol.core.delays import UnderWay, delay_values, undelayed
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.io.short_repr import short_repr
-from hovercontrol.simulation.given import initial_state
+from hovercontrol.simulation.given import by_state, initial_state
 from hovercontrol.simulation.reasons import REASONS, StoppedError, where_it_stops
 from hovercontrol.simulation.ticking import between_ticks
 
@@ -397,7 +397,7 @@ class BlockRunner(Runner):
             raise InputError(f"{self._label}: the delay of an input cannot change while a command is delayed")
         places: dict[int, float] = {}
         if isinstance(state, Mapping):
-            for name, value in state.items():
+            for name, value in by_state(block, state).items():
                 if name not in self.state_labels:
                     hint = did_you_mean(name, self.state_labels)
                     raise InputError(f"{self._label}: unknown state {name!r}{hint}")

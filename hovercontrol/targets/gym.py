@@ -18,6 +18,7 @@ from hovercontrol.core.boundary import checked
 from hovercontrol.core.expressions import Expressions
 from hovercontrol.core.signals import Signal, time
 from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.simulation.given import by_state
 from hovercontrol.targets.gym_task import ENDED, REWARD, Bounds, Judge, Task, joined
 
 
@@ -110,6 +111,7 @@ def to_gym(
     from hovercontrol.targets.gym_vector import LaneSteps, RunnerSteps
 
     block = block.in_continuous_time
+    start = by_state(block, start or {})
     seen = _chosen(block, "output", block.outputs, observations)
     acting = _chosen(block, "input", block.inputs, actions)
     task = Task(
@@ -121,12 +123,12 @@ def to_gym(
         _judge(reward),
         _judge(terminated),
         tuple(block.inputs.index(s) for s in acting),
-        _draws(block, start or {}),
+        _draws(block, start),
         tuple(
             block.parameter_key(p.name)
             for p in block.parameters
             if p.name.rpartition(".")[2] == "seed"
-            and not {p.name, block.parameter_key(p.name)} & {*(start or {}), *(params or {})}
+            and not {p.name, block.parameter_key(p.name)} & {*start, *(params or {})}
         ),
         dict(params or {}),
         _limits(block, (*seen, *acting), bounds or {}),

@@ -185,7 +185,8 @@ class JaxFunctions:
             The classical Runge-Kutta method in equal steps, in one ``jax.lax.scan``, or Dormand-Prince 5(4)
             with step-size control, by Diffrax.
         step : float, optional
-            Step size of rk4 [s], required; maximum step size of dormand-prince.
+            Step size of rk4 [s], required of a Block with continuous parts; maximum step size of
+            dormand-prince.
         rtol, atol : float, optional
             Relative and absolute tolerance of dormand-prince.
         outputs : sequence of str, optional
@@ -303,6 +304,11 @@ class JaxFunctions:
     def plain(self) -> JaxFunctions:
         """The functions of the Block without its delays, whose inputs are those that arrive."""
         return JaxFunctions(undelayed(self.block)) if self.block.delays else self
+
+    @cached_property
+    def running(self) -> JaxFunctions:
+        """The functions of a sampled Block in its form in continuous time, which runs; else these."""
+        return JaxFunctions(self.block.in_continuous_time) if self.block.period else self
 
     def _selected(self, outputs: Sequence[str] | None) -> JaxFunctions:
         """Return the functions with these outputs only, traced once for each selection."""

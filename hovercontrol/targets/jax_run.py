@@ -19,7 +19,7 @@ from hovercontrol.core.delays import Arrivals, arrivals
 from hovercontrol.core.switching import longest_step, switching_conditions, switching_times
 from hovercontrol.core.ticks import ROOM, Schedule
 from hovercontrol.errors import InputError, did_you_mean
-from hovercontrol.simulation.given import checked_times, initial_state, input_rows
+from hovercontrol.simulation.given import by_state, checked_times, initial_state, input_rows
 from hovercontrol.simulation.reasons import REASONS, StoppedError
 from hovercontrol.simulation.trajectory import time_response
 from hovercontrol.targets.engines import checked_solver
@@ -128,6 +128,8 @@ def runner_of(functions: JaxFunctions, solver: Solver, record: str) -> Callable[
     jnp = need_jax()
     outputs = functions.rows("outputs")
     move = _rk4(functions) if solver.method == "rk4" else _dormand_prince(functions, solver)
+    if not functions.block.n_continuous:  # ticks alone move it
+        move = _still
     ticked = ticks_of(functions)
 
     def run(x: State, p: State, plan: Plan) -> tuple[State, State]:
@@ -212,6 +214,10 @@ def _rk4(functions: JaxFunctions) -> Callable[..., State]:
     return step
 
 
+def _still(t: Any, h: Any, x: State, u: State, p: State) -> State:
+    return x
+
+
 def _dormand_prince(functions: JaxFunctions, solver: Solver) -> Callable[..., State]:
     """Return the integration of one run between two instants as ``(t, h, x, u, p) -> x``, by Diffrax."""
     import jax
@@ -266,8 +272,8 @@ def run_function(
     atol: float,
 ) -> Run:
     """Return the run of :meth:`.jax.JaxFunctions.run_function`."""
+    functions, step = functions.running, step or functions.block.period or None
     jnp, block, times = need_jax(), functions.block, checked_times(time)
-    block.need_continuous("run")
     solver, u = checked_solver(method, step, rtol, atol), input_rows(block, inputs, times)
     defaults = np.array(block.parameter_values())
     plan = plan_of(functions.plain.block, times, arrivals(block, times, u, defaults), defaults, solver)
@@ -278,6 +284,7 @@ def run_function(
     fixed = {block.parameter_key(p.name) for p in block.parameters if p.name in fixed}
 
     def run(params: Mapping[str, Any] | None = None, x0: Mapping[str, Any] | None = None) -> dict[str, Any]:
+        x0 = by_state(block, x0 or {})
         for given, known, kind in ((params, block.default_parameters, "parameter"), (x0, starts, "state")):
             for name in given or {}:
                 if name not in known:
@@ -321,8 +328,8 @@ def simulate(
     """Simulate as :meth:`.jax.JaxFunctions.simulate`."""
     import jax
 
+    functions, step = functions.running, step or functions.block.period or None
     block, times = functions.block, checked_times(time)
-    block.need_continuous("run")
     solver, u = checked_solver(method, step, rtol, atol), input_rows(block, inputs, times)
     x, p = initial_state(block, x0), np.array(block.parameter_values(params))
     plan = plan_of(functions.plain.block, times, arrivals(block, times, u, p), p, solver)

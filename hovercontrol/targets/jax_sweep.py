@@ -51,8 +51,8 @@ def sweep(
     """Sweep as :meth:`.jax.JaxFunctions.sweep`."""
     import jax
 
+    functions, step = functions.running, step or functions.block.period or None
     block, times = functions.block, checked_times(time)
-    block.need_continuous("run")
     solver = checked_solver(method, step, rtol, atol)
     if chunk is not None and chunk < 1:
         raise InputError(f"chunk must be 1 or more, found {chunk}")

@@ -24,7 +24,7 @@ from hovercontrol.core.singular import finite_jacobian
 from hovercontrol.core.switching import switching_conditions
 from hovercontrol.errors import InputError, shown
 from hovercontrol.targets.control import BlockSystem
-from hovercontrol.targets.discrete import HeldSystem, step_jacobians
+from hovercontrol.targets.discrete import step_jacobians
 from hovercontrol.targets.shoot import Columns, shoot_with_slopes
 
 Array = NDArray[np.float64]
@@ -64,8 +64,8 @@ def solve_ocp(
     Parameters
     ----------
     system : control.InputOutputSystem
-        From ``block.to_control(step=h)``, by shooting, or from ``block.to_control()`` of a continuous Block,
-        by collocation.
+        From ``block.to_control(step=h)`` or of a sampled Block, by shooting, or from ``block.to_control()``
+        of a continuous Block, by collocation.
     timepts : array_like, shape (n,)
         Times of the inputs [s]; for shooting h apart.
     initial_state : array_like, shape (n_states,)
@@ -92,7 +92,8 @@ def solve_ocp(
     Raises
     ------
     InputError
-        If the system is not that of a continuous Block, or its time points are not its steps apart.
+        If the system is not that of a continuous or sampled Block, or its time points are not its steps
+        apart.
 
     Examples
     --------
@@ -150,7 +151,7 @@ class GradientProblem(optimal.OptimalControlProblem):
     Parameters
     ----------
     system : control.InputOutputSystem
-        Of a continuous Block.
+        Of a continuous or sampled Block.
     timepts : ndarray, shape (n,)
         [s]
     *args, **options
@@ -159,7 +160,7 @@ class GradientProblem(optimal.OptimalControlProblem):
 
     def __init__(self, system: Any, timepts: Array, *args: Any, **options: Any) -> None:
         _check(system, timepts)
-        way = "shooting" if isinstance(system, HeldSystem) else "collocation"
+        way = "shooting" if system.dt else "collocation"
         if options.setdefault("trajectory_method", way) != way:
             kind = "stepped" if way == "shooting" else "continuous"
             raise InputError(
@@ -221,6 +222,10 @@ class GradientProblem(optimal.OptimalControlProblem):
         block, n, t = self.system.block, self.system.nstates, self.timepts[:-1]
         x, u, h = x[:, :-1], u[:, :-1], self.system.dt
         params = getattr(self.system, "_current_params", None) or self.system.block_params
+        if block.period:
+            by_x = finite_jacobian(block, t, x, u, params)
+            by_u = finite_jacobian(block, t, x, u, params, columns="inputs")
+            return np.moveaxis(by_x, -1, 0), np.moveaxis(by_u, -1, 0)
         if switching_conditions(block):
             rows = zip(t, x.T, u.T, strict=True)
             found = [step_jacobians(block, a, a + h, b, c, params) for a, b, c in rows]
@@ -298,10 +303,10 @@ def _check(system: Any, timepts: Array) -> None:
             "solve_ocp: expected the system of a Block with states (block.to_control()), "
             f"found {shown(system)}"
         )
-    system.block.need_continuous("gradient", hybrid=False)
+    system.block.need_no_ticks("gradient")
     if timepts.ndim != 1 or len(timepts) < 2 or not (np.diff(timepts) > 0).all():
         raise InputError(f"solve_ocp: timepts: expected increasing times, found shape {timepts.shape}")
-    if isinstance(system, HeldSystem) and not np.allclose(np.diff(timepts), system.dt, rtol=1e-6):
+    if system.dt and not np.allclose(np.diff(timepts), system.dt, rtol=1e-6):
         raise InputError(
             f"solve_ocp: timepts: expected times {system.dt:g} s apart, the step of {system.name!r}, "
             f"found {np.diff(timepts).min():g} to {np.diff(timepts).max():g} s"

@@ -20,6 +20,7 @@ from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.io.files import write_atomically
 from hovercontrol.io.pyplot import open_in_pyplot
 from hovercontrol.io.short_repr import cut, listed, short, short_repr
+from hovercontrol.simulation.given import own_states
 from hovercontrol.simulation.reasons import REASONS
 
 if TYPE_CHECKING:
@@ -218,6 +219,8 @@ class SweepResult:
 def rows_by_state(block: Block, x0: ArrayLike) -> Many:
     """Convert initial states in rows to a mapping by the states' names."""
     given, names = np.asarray(x0, dtype=float), [s.name for s in block.states]
+    own = list(own_states(block).values())
+    names = own if given.ndim and given.shape[-1] == len(own) else names
     if given.ndim not in (1, 2) or given.shape[-1] != len(names):
         raise InputError(
             f"block {block.name!r}: x0 must have {len(names)} columns, one for each state, "

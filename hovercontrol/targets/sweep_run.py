@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from hovercontrol.core.block import Block
 from hovercontrol.core.delays import arrivals_of_runs
 from hovercontrol.errors import InputError
-from hovercontrol.simulation.given import input_rows
+from hovercontrol.simulation.given import by_state, input_rows
 from hovercontrol.targets.engines import Engine
 from hovercontrol.targets.library import Array, Library, Solver
 from hovercontrol.targets.sweep import (
@@ -90,7 +90,8 @@ def sweep_of(
     u = input_rows(block, inputs, times)
     if x0 is not None and not isinstance(x0, Mapping):
         x0 = rows_by_state(block, x0)
-    runs = number_of_runs({**(params or {}), **(x0 or {})})
+    x0 = by_state(block, x0 or {})
+    runs = number_of_runs({**(params or {}), **x0})
     keys = [block.parameter_key(s.name) for s in block.parameters]
     signals = dict(zip(keys, block.parameters, strict=True))
     p, given_p = values_of_runs(block, signals, params, runs, "parameter")

@@ -146,3 +146,58 @@ def test_what_cannot_be_designed_is_told_in_one_line(design, text):
     with pytest.raises(InputError) as caught:
         design(linear(*drawn()))
     assert text in str(caught.value) and "\n" not in str(caught.value)
+
+
+def cart():
+    return linear([[1.0, H], [0.0, 0.95]], [[0.0], [H]])
+
+
+def test_a_long_horizon_of_predictive_control_begins_as_lqr():
+    pytest.importorskip("casadi")
+    A, B = np.array([[1.0, H], [0.0, 0.95]]), np.array([[0.0], [H]])
+    plan = hc.mpc(cart(), weights={"x0": 1.0, "x1": 1.0, "u0": 0.1}, horizon=150)
+    assert plan.stage.period == H
+    K = riccati(A, B, np.eye(2), 0.1 * np.eye(1))
+    assert plan.control([1.0, 0.5]) == pytest.approx(-K @ [1.0, 0.5], abs=1e-6)
+
+
+def test_predictive_control_runs_over_several_steps_of_the_plant_within_limits():
+    pytest.importorskip("casadi")
+    A, B = np.array([[1.0, H], [0.0, 0.95]]), np.array([0.0, H])
+    plan = hc.mpc(cart(), weights={"x0": 1.0, "u0": 0.1}, period=2 * H, limits={"u0": (-1.0, 1.0)})
+    run = plan.simulate(6.0, {"x0": 1.0})
+    x, u = run.states, run.inputs[0]
+    assert x[:, 1:] == pytest.approx(A @ x[:, :-1] + np.outer(B, u[:-1]), abs=1e-12)
+    assert (u[:-1:2] == u[1::2]).all() and np.abs(u).max() == 1.0
+    assert run.time[1] == pytest.approx(H) and np.abs(x[:, -1]).max() < 0.02
+
+
+@pytest.mark.parametrize(
+    ("make", "text"),
+    [
+        (lambda p: hc.mpc(p, weights={"x0": 1.0}, period=0.15), "a multiple of the plant's period, 0.1 s"),
+        (lambda p: hc.mpc(p, weights={"x0": 1.0}, substeps=2), "is sampled and takes its own steps"),
+        (lambda p: hc.minimum_time(p, {"x0": 1.0}), "its duration is a number of steps"),
+    ],
+)
+def test_predictions_over_parts_of_a_step_are_refused_in_one_line(make, text):
+    pytest.importorskip("casadi")
+    with pytest.raises(InputError, match=text):
+        make(cart())
+
+
+def test_optimal_control_of_a_sampled_system_has_the_gradient_of_the_map():
+    system = cart().to_control()
+    Q, R, P = (
+        np.eye(2),
+        0.1 * np.eye(1),
+        scipy.linalg.solve_discrete_are(
+            *(np.array(m) for m in ([[1.0, H], [0.0, 0.95]], [[0.0], [H]])), np.eye(2), 0.1 * np.eye(1)
+        ),
+    )
+    found = hc.solve_ocp(
+        system, H * np.arange(16), [1.0, 0.5], ct.optimal.quadratic_cost(system, Q, R),
+        terminal_cost=lambda x, u: float(x @ P @ x),
+    )  # fmt: skip
+    assert found.cost == pytest.approx(np.array([1.0, 0.5]) @ P @ [1.0, 0.5], rel=1e-6)
+    assert found.problem.system_simulations < 60
