@@ -160,3 +160,32 @@ def conversions_of_file(
         if linear != (1.0, 0.0):
             found[ours] = linear
     return found
+
+
+def with_angles(
+    stated: Mapping[str, str], angles: str, names: Mapping[str, str], wanted: Mapping[str, str]
+) -> dict[str, str]:
+    """Return the units of a file's columns, with those of angles if the file measures them in degrees.
+
+    Parameters
+    ----------
+    stated : mapping of str to str
+        Units that the file states, by its column names.
+    angles : str
+        Unit of the other angles of the file: ``rad`` or ``deg``.
+    names : mapping of str to str
+        The file's column name for each signal name.
+    wanted : mapping of str to str
+        Units of the model's signals.
+
+    Examples
+    --------
+    >>> with_angles({"x": "mm"}, "deg", {"x": "x", "psi": "yaw", "r": "gyro"}, {})
+    {'x': 'mm', 'yaw': 'deg', 'gyro': 'deg/s'}
+    """
+    units = dict(stated)
+    for ours, theirs in names.items() if angles != "rad" else ():
+        unit = {**UNITS, **wanted}.get(ours, "")
+        if theirs not in units and re.match(r"rad\b", unit):
+            units[theirs] = re.sub(r"^rad\b", angles, unit)
+    return units

@@ -38,11 +38,14 @@ class Recipe:
         Returns a new :data:`Make` function for one pass through the file.
     exact : bool
         Whether the parts are read in their own types.
+    remark : callable
+        Returns what looks wrong in the values after a pass, or an empty text.
     """
 
     parts: tuple[str, ...]
     begin: Callable[[], Make]
     exact: bool = False
+    remark: Callable[[], str] = str
 
 
 @dataclass
@@ -72,6 +75,21 @@ class Derived:
     def units(self) -> Mapping[str, str]:
         """The units of the columns that are not derived."""
         return {k: v for k, v in self.source.units.items() if k not in self.recipes}
+
+    @property
+    def angles(self) -> str:
+        """Unit of angles without a stated unit."""
+        return self.source.angles
+
+    @property
+    def euler(self) -> str:
+        """Kind of three angles of a body."""
+        return self.source.euler
+
+    @property
+    def remarks(self) -> list[str]:
+        """What looks wrong in the derived columns, one line each."""
+        return [text for recipe in self.recipes.values() if (text := recipe.remark())]
 
     @property
     def said(self) -> str:
@@ -189,8 +207,10 @@ def _heading(file: Path, source: Source, ours: str, said: str) -> Recipe | None:
     _known(file, source, ours, said)
     found = _UP.search(said)
     up = parse_up(found[1] if found else "z-up")
-    units = [source.units.get(name, "") for name in names]
-    return Recipe(tuple(names), lambda: Heading(str(file), tuple(names), up, units).values)
+    angle = source.angles if len(names) == 3 else ""
+    units = [source.units.get(name, angle) for name in names]
+    heading = Heading(str(file), tuple(names), up, units, source.euler if len(names) == 3 else "")
+    return Recipe(tuple(names), heading.begin, remark=heading.remark)
 
 
 def _known(file: Path, source: Source, ours: str, said: str) -> list[str]:

@@ -17,7 +17,13 @@ from numpy.typing import NDArray
 from hovercontrol.core.boundary import checked
 from hovercontrol.errors import ArgumentError, InputError, did_you_mean
 from hovercontrol.logs.check import check_codes, check_finite, check_heading, check_size, check_time
-from hovercontrol.logs.column_units import column_of, conversion_to_si, conversions_of_file, unit_hints
+from hovercontrol.logs.column_units import (
+    column_of,
+    conversion_to_si,
+    conversions_of_file,
+    unit_hints,
+    with_angles,
+)
 from hovercontrol.logs.derived import Derived, with_derived
 from hovercontrol.logs.log import POSE, VELOCITY, Floats, Log
 from hovercontrol.logs.readers.tables import Table, Tables
@@ -146,7 +152,8 @@ def _read_source(
         ours: conversion_to_si(ours, unit, units.get(ours, "")) for ours, (_, unit) in said.items() if unit
     }
     names = _our_names(str(file), source.header, renamed)
-    conversions |= conversions_of_file(str(file), source.units, names, conversions, units)
+    stated = with_angles(source.units, source.angles, names, units)
+    conversions |= conversions_of_file(str(file), stated, names, conversions, units)
     if trial and trial not in names:
         raise ArgumentError(f"{file}: no column {trial!r} to tell trials by{did_you_mean(trial, names)}")
     needed = dict.fromkeys(("time", *wanted.inputs, *(usecols or ()), *([trial] if trial else [])), "")
@@ -184,10 +191,11 @@ def _read_source(
     origin = source.stamps.origin if isinstance(source, Derived) and source.stamps else None
     log = replace(_log(file.name, data, firsts, trial), origin=origin or 0)
     notes = [f"{file}: read with {source.said}"] if source.said else []
-    known = {*conversions, *(ours for ours, theirs in names.items() if theirs in source.units)}
+    known = {*conversions, *(ours for ours, theirs in names.items() if theirs in stated)}
     if isinstance(source, Derived) and source.stamps:
         known.add("time")
     notes += unit_hints(str(file), {k: names[k] for k in names if k in checked}, known, units)
+    notes += [f"{file}: {text}" for text in (source.remarks if isinstance(source, Derived) else ())]
     notes += [f"{file}: {copies.size:,} copies of the row before: left out"] if copies.size else []
     return replace(log, notes=(*notes, *log.notes))
 

@@ -32,6 +32,14 @@ class Source(Protocol):
     def said(self) -> str:
         """How the file is read, if that is not obvious; else empty."""
 
+    @property
+    def angles(self) -> str:
+        """The unit of angles for which the file states none: ``rad`` or ``deg``."""
+
+    @property
+    def euler(self) -> str:
+        """Order of the axes if three angles of a body are Euler angles; empty for a rotation vector."""
+
     def kind(self, name: str) -> pa.DataType:
         """Return the type in which :meth:`batches` gives a column that is listed in `exact`."""
 

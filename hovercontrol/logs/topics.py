@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -65,7 +66,8 @@ def join_tables(
         if clocks and _table(file, "time", clocks["time"]) is tables[name]:
             clock = clocks
         if not clock:
-            raise InputError(f"{file.file}: {name}: no column of time is known: --columns time=NAME")
+            why = f" ({tables[name].said})" if tables[name].said else ""
+            raise InputError(f"{file.file}: {name}: no column of time is known{why}: --columns time=NAME")
         logs[name] = read(
             tables[name], {**clock, **own}, {k: v for k, v in inputs.items() if k in own}, usecols=list(own)
         )
@@ -105,12 +107,11 @@ def _joined(name: str, logs: Sequence[Log], commands: set[str]) -> Log:
         for log in logs
         if commands & log.columns.keys()
     ]
-    if not sent:
-        return kept
-    if len(logs) == 1:
-        return kept.with_columns({k: base[k] for k in base.columns if k in commands})
-    joined = join_logs(kept, _held([log.on_clock_of(base) for log in sent]))
-    return joined
+    if sent and len(logs) == 1:
+        kept = kept.with_columns({k: base[k] for k in base.columns if k in commands})
+    elif sent:
+        kept = join_logs(kept, _held([log.on_clock_of(base) for log in sent]))
+    return replace(kept, notes=tuple(dict.fromkeys(note for log in logs for note in log.notes)))
 
 
 def _interpolated(log: Log, other: Log, names: Sequence[str]) -> Log:

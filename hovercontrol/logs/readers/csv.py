@@ -49,6 +49,7 @@ class CsvSource:
             raise InputError(f"{file}: the file is empty, expected a header")
         self.dialect = dialect or recognise(self._head, str(file))
         self.said = self.dialect.text
+        self.angles, self.euler = self.dialect.angles, ""
         if self.dialect.names:
             self.header = [name.strip() for name in self.dialect.names]
         else:

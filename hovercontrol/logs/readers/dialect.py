@@ -26,6 +26,7 @@ _ONE = (
     r"|sec|min|h|hr|in|inch|ft|deg|°|degC|°C|K|rpm|RPM|rev|kmh|kph|mph|T|uT|%|1)"
 )
 _UNIT = re.compile(rf"{_ONE}(?:\^?-?\d)?(?:[*/·. ]{_ONE}(?:\^?-?\d)?)*")
+_IN_DEGREES = re.compile(r"\s*in_?degrees\s*[=:]\s*(yes|true|1)\s*$", re.IGNORECASE)
 _NAMED = re.compile(r"(.*\S)\s*(\[[^\[\]]*\]|\([^()]*\))\s*")
 _NO_UNIT = frozenset({"", "-", "--", "1", "%", "none", "n/a"})
 
@@ -48,6 +49,8 @@ class Dialect:
         Names and units of the columns; `units` is empty if the file states none.
     comments : bool
         Whether there are comment lines below the header.
+    angles : str
+        Unit of angles without a stated unit, as OpenSim's ``inDegrees=yes`` above the header says it.
     """
 
     encoding: str = "utf-8-sig"
@@ -58,6 +61,7 @@ class Dialect:
     names: tuple[str, ...] = ()
     units: tuple[str, ...] = ()
     comments: bool = False
+    angles: str = "rad"
 
     @property
     def text(self) -> str:
@@ -75,6 +79,8 @@ class Dialect:
             said.append("a line of units below the header")
         if self.comments:
             said.append("comment lines")
+        if self.angles != "rad":
+            said.append(f"angles in {self.angles}")
         return ", ".join(said)
 
     @property
@@ -241,6 +247,7 @@ def _with(dialect: Dialect, lines: Sequence[str]) -> Dialect | None:
             names=(*names, "") if trailing else tuple(names),
             units=units,
             comments=any(is_comment(text) for text in lines[first:]),
+            angles="deg" if any(_IN_DEGREES.match(text) for text in lines[:header]) else "rad",
         )
     return None
 

@@ -1,9 +1,12 @@
-"""MDF (ASAM, versions 3 and 4), read by asammdf: one table per channel group, on its master channel."""
+"""MDF (ASAM, versions 3 and 4), read by asammdf: one table per channel group, on its master channel.
+
+Samples whose invalidation bit is set are missing. Labels of raw values are read by :mod:`.labels`.
+"""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +14,7 @@ import numpy as np
 
 from hovercontrol.core.units import dimension
 from hovercontrol.errors import InputError
+from hovercontrol.logs.readers.labels import labelled
 from hovercontrol.logs.readers.tables import Table, Tables, faults, library
 
 
@@ -43,33 +47,79 @@ class _Group:
         said = str(getattr(group.channel_group, "acq_name", "") or "").strip()
         self.name = said or f"group{number}"
         master = measured.masters_db.get(number)
+        self.master = group.channels[master] if master is not None else None
         self.channels = {
             c.name: k for k, c in enumerate(group.channels) if k != master and _is_number(c, measured)
         }
-        units = {c.name: _unit(c) for c in group.channels}
-        self.units = {name: units[name] for name in self.channels if units[name]}
+        self.units = {c.name: unit for c in group.channels if (unit := _unit(c))}
+        self.said: dict[str, str] = {}
 
     def table(self, file: Path, shared: set[str]) -> Table:
         """Return the group's table; names in `shared` occur in several groups."""
         called = {(f"{self.name}/{name}" if name in shared else name): k for name, k in self.channels.items()}
         own = dict(zip(called, self.channels, strict=True))
-        clock = f"{self.name}/time"
+        units = {name: self.units[own[name]] for name in called if own[name] in self.units}
+        if self._is_timed():
+            master, clock, said = f"{self.name}/time", f"{self.name}/time", ""
+            units[master] = "s"
+        else:
+            name = str(self.master.name) if self.master is not None else "index"
+            master, clock, said = f"{self.name}/{name}", "", f"its master channel {name!r} is not a time"
+            units |= {master: self.units[name]} if name in self.units else {}
 
         def load(names: Sequence[str]) -> dict[str, Any]:
-            return {name: self._values(called.get(name)) for name in names}
+            found = {name: self._values(name, called.get(name)) for name in names}
+            table.said = "; ".join([*filter(None, [said]), *self.said.values()])
+            return found
 
-        units = {name: self.units[own[name]] for name in called if own[name] in self.units} | {clock: "s"}
-        return Table(file, self.name, [clock, *called], self.rows, load, clock, units)
+        table = Table(file, self.name, [master, *called], self.rows, load, clock, units, said)
+        return table
 
-    def _values(self, channel: int | None) -> Any:
+    def _is_timed(self) -> bool:
+        """Return whether the master channel is time, not an angle, a distance or an index.
+
+        MDF 4.1, channel block: cn_sync_type 1 is time, 2 an angle, 3 a distance, 4 an index. In MDF 3 a
+        master is always time.
+        """
+        return self.master is not None and getattr(self.master, "sync_type", 1) == 1
+
+    def _values(self, name: str, channel: int | None) -> Any:
         if channel is None:
             return np.asarray(self.measured.get_master(self.number))
-        found = self.measured.get(group=self.number, index=channel, ignore_invalidation_bits=False)
-        values = np.asarray(found.samples)
-        if values.dtype.kind not in "biuf":
-            values = np.asarray(self.measured.get(group=self.number, index=channel, raw=True).samples)
+        where = {"group": self.number, "index": channel, "ignore_invalidation_bits": True}
+        raw = self.measured.get(**where, raw=True)
+        labels = list(_labels(raw.conversion))
+        if labels:
+            own = raw.conversion.referenced_blocks.get("default_addr")
+            scaled = hasattr(own, "convert") and (getattr(own, "a", 0.0), getattr(own, "b", 0.0)) != (1.0, 0.0)
+            numbers = own.convert(raw.samples) if hasattr(own, "convert") else raw.samples
+            bits = int(self.measured.groups[self.number].channels[channel].bit_count)
+            values, said = labelled(raw.samples, numbers, labels, bits, scaled=scaled)
+            if said:
+                self.said[name] = f"labels of {name}: {', '.join(said)}"
+        else:
+            values = np.asarray(self.measured.get(**where).samples)
+            values = values if values.dtype.kind in "biuf" else np.asarray(raw.samples)
         values = values.astype(np.uint8) if values.dtype.kind == "b" else values
-        return values.astype(values.dtype.newbyteorder("="))
+        values = values.astype(values.dtype.newbyteorder("="))
+        invalid = raw.invalidation_bits
+        if invalid is not None and np.any(invalid):
+            values = np.where(np.asarray(invalid, dtype=bool), np.nan, values)
+        return values
+
+
+def _labels(conversion: Any) -> Iterator[tuple[float, float, str]]:
+    """Yield first value, last value and text of each label of a conversion."""
+    blocks = getattr(conversion, "referenced_blocks", None) or {}
+    for k in range(len(blocks)):
+        text = blocks.get(f"text_{k}")
+        if not isinstance(text, bytes) or not text:
+            continue
+        at = next((a for key in ("val", "param_val") if (a := getattr(conversion, f"{key}_{k}", None)) is not None), None)
+        low = getattr(conversion, f"lower_{k}", at) if at is None else at
+        high = getattr(conversion, f"upper_{k}", at) if at is None else at
+        if low is not None and high is not None:
+            yield float(low), float(high), text.decode("utf-8", errors="replace").strip("\0 ")
 
 
 def _is_number(channel: Any, measured: Any) -> bool:

@@ -1,5 +1,8 @@
 """CSV exports of Motive (OptiTrack): rigid bodies and markers; lost samples are blank.
 
+Rotations are quaternions, or Euler angles about axes of the body in the order of the header's Rotation Type
+(NatNet SDK, Eul_FromQuat with EulOrdXYZr; Motive documentation, Data Export: CSV).
+
 The header contains the properties of the take, then rows of types, names, IDs, kinds (Rotation, Position)
 and axes.
 """
@@ -60,6 +63,8 @@ def motive(file: Path) -> CsvSource:
         ),
     )
     found = dict.fromkeys(name.rpartition(".")[0] for name in names if name.endswith(".x"))
+    order = take.get("Rotation Type", "").strip().lower()
+    source.euler = "" if quaternion else order if sorted(order) == ["x", "y", "z"] else "xyz"
     source.said = f"Motive export ({', '.join(list(found)[:8]) or 'no bodies'}; lengths in {length})"
     return source
 

@@ -21,6 +21,7 @@ class ParquetSource:
 
     units: Mapping[str, str] = {}
     said = ""
+    angles, euler = "rad", ""
 
     def __init__(self, file: Path) -> None:
         self.file = file

@@ -49,6 +49,8 @@ class Table:
         How the file is read, if that is not obvious; else empty.
     line : int
         The line number of the first row in the file; 0 if the file has no lines.
+    angles, euler : str
+        Unit and kind of angles, see :class:`~hovercontrol.logs.source.Source`.
     """
 
     file: Path
@@ -60,6 +62,8 @@ class Table:
     units: Mapping[str, str] = field(default_factory=dict)
     said: str = ""
     line: int = 0
+    angles: str = "rad"
+    euler: str = ""
     _loaded: dict[str, Any] = field(default_factory=dict, repr=False)
 
     def columns(self, names: Sequence[str]) -> dict[str, Any]:
