@@ -108,7 +108,7 @@ FORMATS = (
            (b"ULog\x01\x12\x35",), "pyulog"),
     Format("ArduPilot log", (".bin",), "ardupilot:ardupilot", "`ATT/Yaw`, `IMU[0]/GyrZ`; units as the log states them",  # noqa: E501
            (b"\xa3\x95\x80",), "pymavlink"),
-    Format("MATLAB, to version 7", (".mat",), "matlab:matlab", "`time`, `log.x`, `log.pos[0]`", (b"MATLAB ",)),  # noqa: E501
+    Format("MATLAB", (".mat",), "matlab:matlab", "`time`, `log.x`, `log.pos[0]`", (b"MATLAB ",), "mat-io (version 7.3, timetables)"),  # noqa: E501
     Format("MDF 3 and 4", (".mf4", ".mdf"), "mdf:mdf",
            "the channel, `group/channel` where two have its name; units as the file states them", (b"MDF     ",), "asammdf"),  # noqa: E501
     Format("CSV", (), "csv:CsvSource", "as in the header"),

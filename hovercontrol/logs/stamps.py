@@ -56,6 +56,7 @@ _NAMED = (
     ("ms", r"(msecs?|ms)"),
 )
 _DAY = re.compile(r"\d{4}-\d\d-\d\d")
+_DAYS = re.compile(r"(?P<days>-?\d+) days? \+?(?P<clock>\d\d:\d\d:\d\d.*)")
 _ZONE = re.compile(r"(Z|[-+]\d\d:?\d\d)$")
 
 
@@ -170,6 +171,11 @@ class Stamps:
         """Return dates in ISO 8601 format, or times of day, as nanoseconds since 1970."""
         text = pc.replace_substring(pc.utf8_trim_whitespace(column), ",", ".")
         first = next((v.as_py() for v in text.drop_null()[:1]), "")
+        if _DAYS.match(first):  # a duration, as pandas writes it: 1 days 00:00:00.5
+            parts = pc.extract_regex(text, f"^{_DAYS.pattern}$")
+            if parts.null_count == text.null_count:
+                clock = self._dates(name, parts.field("clock"), row)
+                return clock + DAY * _integers(parts.field("days").cast(pa.int64()))
         day = bool(_DAY.match(first))
         if not day:
             text = pc.binary_join_element_wise("1970-01-01T", text, "")

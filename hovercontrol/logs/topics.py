@@ -45,7 +45,8 @@ def join_tables(
         If no column is named, or two tables have no time in common.
     """
     columns = {ours: _named(file, said) for ours, said in columns.items()}
-    said = {**{k: k for k in ("time", *POSE, *VELOCITY, *inputs) if file.table_of(k)}, **columns}
+    own = {k: file.named(k) for k in ("time", *POSE, *VELOCITY, *inputs)}
+    said = {**{k: name for k, name in own.items() if file.table_of(name)}, **columns}
     clocks = {k: v for k, v in said.items() if k == "time"}
     named = {k: v for k, v in said.items() if k != "time"}
     if not named or (motion and not named.keys() & {*POSE, *VELOCITY}):

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from hovercontrol.errors import InputError
-from hovercontrol.logs.readers.tables import Table, Tables, faults, library
+from hovercontrol.logs.readers.tables import Table, Tables, faults, library, unit_or_none
 
 #: Messages about the log itself.
 _ABOUT = ("FMT", "FMTU", "UNIT", "MULT")
@@ -23,7 +23,7 @@ _CLOCKS = {"TimeUS": "us", "TimeMS": "ms"}
 
 #: Units under the names that the log uses; servo pulses are in us, not in s.
 _UNITS = {
-    "us": "",
+    **dict.fromkeys(("us", "µs", "μs"), ""),
     "degheading": "deg",
     "deglatitude": "deg",
     "deglongitude": "deg",
@@ -135,12 +135,5 @@ def _decoded(raw: Any, at: Any, offset: int, code: str, scale: float) -> Any:
 
 def _unit(form: Any, name: str) -> str:
     """Return the unit that the log states for a field, or an empty text if there is no valid unit."""
-    from hovercontrol.core.units import dimension
-
     found = str(form.get_unit(name) or "") if form.units else ""
-    found = _UNITS.get(found, found)
-    try:
-        dimension(found)
-    except InputError:
-        return ""
-    return found
+    return unit_or_none(_UNITS.get(found, found))

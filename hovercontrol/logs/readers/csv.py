@@ -13,18 +13,32 @@ from pathlib import Path
 from typing import Any, BinaryIO, TextIO
 
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.csv
 
 from hovercontrol.errors import InputError
 from hovercontrol.io.files import reason
-from hovercontrol.logs.readers.arrow import is_number
-from hovercontrol.logs.readers.dialect import COMMENTS, HEAD, Dialect, is_comment, recognise, without_units
+from hovercontrol.logs.readers.arrow import as_number, is_number
+from hovercontrol.logs.readers.dialect import (
+    COMMENTS,
+    HEAD,
+    Dialect,
+    is_comment,
+    recognise,
+    unit_in_cell,
+    without_units,
+)
 
 BLOCK = 2**20
 """Bytes of text converted at a time."""
 
 NO_NUMBER = frozenset(pyarrow.csv.ConvertOptions().null_values)
 """Texts that stand for a missing number (empty, NaN, NA, null)."""
+
+TRUTHS = frozenset({"true", "false", "True", "False", "TRUE", "FALSE"})
+"""Texts that are read as 1 and 0."""
+
+_WITH_UNIT = re.compile(r"[-+]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][-+]?\d+)?\s*([^\d\s.,:;+-].*)")
 
 LARGE = 1e8
 """From this size on a number may have more digits than a float keeps, and its type is exact."""
@@ -64,6 +78,10 @@ class CsvSource:
             self.header, self.units = without_units(self.header)
             named = "units in the names of columns" if self.units else ""
             self.said = ", ".join(filter(None, [self.said, named]))
+        self._worded = self._units_of_cells()
+        if self._worded:
+            self.units = {**self.units, **{name: unit for name, (_, unit) in self._worded.items()}}
+            self.said = ", ".join(filter(None, [self.said, "units in cells"]))
         self._cut = self._cut_line()
         if self._cut:
             self.said = ", ".join(filter(None, [self.said, "an incomplete last line left out"]))
@@ -80,6 +98,16 @@ class CsvSource:
         text = last.decode(self.dialect.encoding, errors="replace")
         cut = end and text.strip() and not text.endswith("\r") and '"' not in text
         return len(last) if cut and len(self.dialect.cells(text)) < len(self.header) else 0
+
+    def _units_of_cells(self) -> dict[str, tuple[str, str]]:
+        """Return the units of columns whose cells are a number and a unit (``0.5 sec``), as written and in SI."""
+        _, cells = next(self._rows(), (0, []))
+        found = [_WITH_UNIT.fullmatch(cell.strip()) for cell in cells]
+        return {
+            name: (cell[1], unit)
+            for name, cell in zip(self.header, found, strict=False)
+            if name and cell and (unit := unit_in_cell(cell[1]))
+        }
 
     def _check_header(self) -> None:
         if not any(self.header) or all(map(_number, re.split(r"[;\s|,]+", ",".join(self.header)))):
@@ -121,6 +149,10 @@ class CsvSource:
             text = cells[at].strip() if at < len(cells) else ""
             if text in NO_NUMBER:
                 continue
+            if text in TRUTHS:
+                return pa.bool_()
+            if name in self._worded:
+                return pa.float64()
             if not self._is_number(text):
                 return pa.string()
             large = abs(float(text.replace(self.dialect.decimal, "."))) >= LARGE and "e" not in text.lower()
@@ -136,7 +168,8 @@ class CsvSource:
             if not self._comments_found():
                 raise self._fault(self.header, error) from None
             return self.numeric()
-        return {field.name for field in schema if pa.types.is_null(field.type) or is_number(field.type)}
+        numbers = {field.name for field in schema if pa.types.is_null(field.type) or is_number(field.type)}
+        return numbers | set(self._worded)
 
     def rows_expected(self) -> int:
         """Return the number of rows, estimated from the length of the first thousand lines."""
@@ -146,14 +179,20 @@ class CsvSource:
 
     def batches(self, names: list[str], exact: Collection[str] = ()) -> Iterator[pa.RecordBatch]:
         """Read columns of numbers as float64, those in `exact` as :meth:`kind` says; text is an error."""
-        types = {name: self.kind(name) if name in exact else pa.float64() for name in names}
+        types = {name: self._stored(name, name in exact) for name in names}
         convert = pyarrow.csv.ConvertOptions(include_columns=names, column_types=types)
         rows = 0
         try:
             with self._open(convert) as reader:
                 for batch in reader:
-                    rows += batch.num_rows
-                    yield batch
+                    start, rows = rows, rows + batch.num_rows
+                    columns = [
+                        self._without_unit(name, column, start)
+                        if name in self._worded
+                        else as_number(column)
+                        for name, column in zip(names, batch.columns, strict=True)
+                    ]
+                    yield pa.RecordBatch.from_arrays(columns, names=names)
         except (pa.ArrowInvalid, UnicodeDecodeError) as error:
             if not self._comments_found():
                 numbers = [name for name in names if not pa.types.is_string(types[name])]
@@ -163,6 +202,30 @@ class CsvSource:
                 rows -= batch.num_rows - rest.num_rows
                 if rest.num_rows:
                     yield rest
+
+    def _stored(self, name: str, exact: bool) -> pa.DataType:
+        """Return the type in which a column is parsed."""
+        if name in self._worded:
+            return pa.string()
+        kind = self.kind(name)
+        return kind if exact or pa.types.is_boolean(kind) else pa.float64()
+
+    def _without_unit(self, name: str, column: Any, start: int) -> Any:
+        """Return the numbers of a column whose cells are a number and the unit of the first cell."""
+        text = pc.utf8_trim_whitespace(column)
+        suffix, point = rf"\s*{re.escape(self._worded[name][0])}$", self.dialect.decimal
+        plain = pc.replace_substring(pc.replace_substring_regex(text, suffix, ""), point, ".")
+        try:
+            return pc.if_else(pc.equal(plain, ""), None, plain).cast(pa.float64())
+        except pa.ArrowInvalid:
+            for k, value in enumerate(plain.to_pylist()):
+                if value and not _number(value):
+                    where, found = self.place(start + k, name)
+                    raise InputError(
+                        f"{self.file}: {where}, column {name!r}: expected a number and "
+                        f"{self._worded[name][0]!r}, found {found[:40]!r}"
+                    ) from None
+            raise
 
     def _comments_found(self) -> bool:
         """Return whether there are unexpected comment lines; from then on the dialect includes comments."""
@@ -212,7 +275,7 @@ class CsvSource:
                 )
             for name, i in at.items():
                 text = cells[i].strip()
-                if text not in NO_NUMBER and not self._is_number(text):
+                if text not in NO_NUMBER and text not in TRUTHS and not self._is_number(text):
                     return InputError(
                         f"{self.file}: line {line}, column {name!r}: expected a number, found {text[:40]!r}"
                     )

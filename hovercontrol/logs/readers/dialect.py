@@ -26,6 +26,7 @@ _ONE = (
     r"|sec|min|h|hr|in|inch|ft|deg|°|degC|°C|K|rpm|RPM|rev|kmh|kph|mph|T|uT|%|1)"
 )
 _UNIT = re.compile(rf"{_ONE}(?:\^?-?\d)?(?:[*/·. ]{_ONE}(?:\^?-?\d)?)*")
+_CELL = re.compile(rf"({_POINT.pattern}|{_COMMA.pattern})(\s*{_UNIT.pattern})?|true|false", re.IGNORECASE)
 _IN_DEGREES = re.compile(r"\s*in_?degrees\s*[=:]\s*(yes|true|1)\s*$", re.IGNORECASE)
 _NAMED = re.compile(r"(.*\S)\s*(\[[^\[\]]*\]|\([^()]*\))\s*")
 _NO_UNIT = frozenset({"", "-", "--", "1", "%", "none", "n/a"})
@@ -110,6 +111,18 @@ def unit_in_name(name: str) -> tuple[str, str]:
         return name, ""
     unit = _bare(inside)
     return (found[1], unit) if unit else (name, "")
+
+
+def unit_in_cell(text: str) -> str:
+    """Return the unit that a text after a number stands for, or an empty text.
+
+    Examples
+    --------
+    >>> unit_in_cell("sec"), unit_in_cell("hr"), unit_in_cell("m/s"), unit_in_cell("days 00:00:01")
+    ('s', 'h', 'm/s', '')
+    """
+    text = text.strip()
+    return {"hr": "h"}.get(text, _bare(text)) if _UNIT.fullmatch(text) else ""
 
 
 def without_units(header: Sequence[str]) -> tuple[list[str], dict[str, str]]:
@@ -259,7 +272,7 @@ def _is_header(cells: Sequence[str], least: int = 2) -> bool:
 
 
 def _is_data(cells: Sequence[str], separator: str) -> bool:
-    numbers = [c for c in cells if _POINT.fullmatch(c) or _COMMA.fullmatch(c) or _DATE.fullmatch(c)]
+    numbers = [c for c in cells if _CELL.fullmatch(c) or _DATE.fullmatch(c)]
     return bool(numbers) and 2 * len(numbers) >= len([cell for cell in cells if cell])
 
 

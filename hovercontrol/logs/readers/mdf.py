@@ -12,10 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from hovercontrol.core.units import dimension
 from hovercontrol.errors import InputError
 from hovercontrol.logs.readers.labels import labelled
-from hovercontrol.logs.readers.tables import Table, Tables, faults, library
+from hovercontrol.logs.readers.tables import Table, Tables, faults, library, unit_or_none
 
 
 def mdf(file: Path) -> Tables:
@@ -131,9 +130,4 @@ def _is_number(channel: Any, measured: Any) -> bool:
 def _unit(channel: Any) -> str:
     """Return the unit that the file states for a channel, or an empty text if there is no valid unit."""
     text = getattr(channel, "unit", "") or getattr(getattr(channel, "conversion", None), "unit", "") or ""
-    text = (text.decode("latin-1") if isinstance(text, bytes) else str(text)).strip("\0 ").replace("°", "deg")
-    try:
-        dimension(text)
-    except InputError:
-        return ""
-    return text
+    return unit_or_none(text.decode("latin-1") if isinstance(text, bytes) else str(text))

@@ -10,7 +10,7 @@ import pyarrow.parquet
 
 from hovercontrol.errors import InputError
 from hovercontrol.io.files import reason
-from hovercontrol.logs.readers.arrow import DAMAGED, is_number
+from hovercontrol.logs.readers.arrow import DAMAGED, as_number, is_number
 
 BATCH = 2**16
 """Rows read at a time."""
@@ -50,7 +50,9 @@ class ParquetSource:
             if name not in exact and not is_number(kind):
                 found = f"{kind} {self.place(0, name)[1]!r}" if self.rows_expected() else str(kind)
                 raise InputError(f"{self.file}: row 1, column {name!r}: expected a number, found {found}")
-        yield from self._read(names)
+        for batch in self._read(names):
+            columns = [as_number(column) for column in batch.columns]
+            yield pa.RecordBatch.from_arrays(columns, names=batch.schema.names)
 
     def _read(self, names: list[str]) -> Iterator[pa.RecordBatch]:
         try:

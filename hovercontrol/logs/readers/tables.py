@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
+from hovercontrol.core.units import dimension
 from hovercontrol.errors import InputError
 from hovercontrol.io.files import reason
 from hovercontrol.logs.readers.arrow import is_number
@@ -111,10 +112,13 @@ class Tables:
     file : path
     tables : sequence of Table
         The tables; column names are unique across them.
+    aliases : mapping of str to str
+        Other names by which columns are known.
     """
 
     file: Path
     tables: Sequence[Table]
+    aliases: Mapping[str, str] = field(default_factory=dict)
 
     @cached_property
     def header(self) -> list[str]:
@@ -123,10 +127,11 @@ class Tables:
 
     @cached_property
     def _dotted(self) -> dict[str, str]:
-        return {_dots(name): name for name in reversed(self.header)}
+        known = {_dots(name): full for name, full in self.aliases.items()}
+        return {**known, **{_dots(name): name for name in reversed(self.header)}}
 
     def named(self, column: str) -> str:
-        """Return the full name of a column, given with dots for slashes or without the first slash."""
+        """Return the full name of a column, given by an alias, with dots for slashes or without the first."""
         return column if column in self.header else self._dotted.get(_dots(column), column)
 
     def table_of(self, column: str) -> Table | None:
@@ -168,8 +173,33 @@ def faults(file: Path, what: str) -> Iterator[None]:
     raise InputError(f"{file}: not readable as {what}: {why}")
 
 
-def library(file: Path, module: str, what: str) -> Any:
+def unit_or_none(text: str) -> str:
+    """Return the unit that a file states, or an empty text if it is not a unit.
+
+    Examples
+    --------
+    >>> unit_or_none(" m/s"), unit_or_none("°/s"), unit_or_none("counts")
+    ('m/s', 'deg/s', '')
+    """
+    text = text.strip("\0 ").replace("°", "deg").replace("²", "^2").replace("µ", "u")
+    try:
+        dimension(text)
+    except InputError:
+        return ""
+    return text
+
+
+def library(file: Path, module: str, what: str, extra: str = "logs", package: str = "") -> Any:
     """Return a module of an optional package.
+
+    Parameters
+    ----------
+    what : str
+        What it reads, for the error message.
+    extra : str, optional
+        The extra of this package that installs it.
+    package : str, optional
+        Its name, if the module has another.
 
     Raises
     ------
@@ -180,6 +210,6 @@ def library(file: Path, module: str, what: str) -> Any:
         return import_module(module)
     except ImportError as error:
         raise InputError(
-            f"{file}: reading {what} needs {module.partition('.')[0]}: "
-            f'pip install "hovercontrol[logs]" ({reason(error)})'
+            f"{file}: reading {what} needs {package or module.partition('.')[0]}: "
+            f'pip install "hovercontrol[{extra}]" ({reason(error)})'
         ) from None
