@@ -60,7 +60,7 @@ def parse_up(text: str) -> tuple[int, float]:
 
 @dataclass
 class _Turned:
-    """The turn of a body about one axis in a reading of its rotations: range of heading, largest tilt [rad]."""
+    """The turn of a body about one axis in a reading of its rotations: heading and tilt [rad]."""
 
     axis: int
     first: Floats | None = None
@@ -90,8 +90,8 @@ class _Turned:
         return psi
 
     def _tilt(self, q: Floats) -> None:
-        # The vertical in the body's axes is the row of the matrix, R_ak = 2 (q_a q_k +- q_w q_j), k != a, and
-        # R_aa = q_w^2 + q_a^2 - q_j^2 - q_k^2; the cosine of the tilt is its product with that of the first row.
+        # The vertical in the body's axes is a row of the matrix: R_ak = 2 (q_a q_k +- q_w q_j), k != a, and
+        # R_aa = q_w^2 + q_a^2 - q_j^2 - q_k^2; the cosine of the tilt is its product with the first row's.
         a, j, k = self.axis, (self.axis + 1) % 3, (self.axis + 2) % 3
         w = q[3]
         up = np.array(
@@ -107,7 +107,7 @@ class _Turned:
 
     @property
     def tilt(self) -> float:
-        """The largest angle [rad] between the vertical in the first row and in another, in the body's axes."""
+        """The largest angle [rad] of the vertical from that of the first row, in the body's axes."""
         return float(np.arccos(np.clip(self.level, -1.0, 1.0)))
 
     @property
@@ -168,7 +168,9 @@ class Heading:
                 f"quaternion of length 1, found length {length[off[0]]:.4g}"
             )
         axis, sign = self.up
-        found = {key: turned.heading(q[[1, 2, 3, 0]] if key[0] else q) for key, turned in self._readings.items()}
+        found = {
+            key: turned.heading(q[[1, 2, 3, 0]] if key[0] else q) for key, turned in self._readings.items()
+        }
         return sign * found[False, axis]
 
     def _quaternion(self, raw: list[Floats]) -> Floats:
@@ -178,7 +180,7 @@ class Heading:
             # A rotation vector rho of angle a = |rho| is the quaternion [rho sin(a/2) / a, cos(a/2)].
             angle = np.linalg.norm(angles, axis=0)
             return np.vstack([0.5 * np.sinc(angle / (2.0 * np.pi)) * angles, np.cos(angle / 2.0)])
-        # R = R_1(a_1) R_2(a_2) R_3(a_3): each rotation is about an axis of the body that the one before turned.
+        # R = R_1(a_1) R_2(a_2) R_3(a_3): each rotation is about an axis of the body as turned before.
         q = np.full((4, angles.shape[1]), np.nan)
         known = np.isfinite(angles).all(axis=0)
         order = ["xyz".index(axis) for axis in self.euler]
@@ -186,7 +188,7 @@ class Heading:
         return q
 
     def remark(self) -> str:
-        """Return a text if another order of the columns or another vertical leaves the body level, else none."""
+        """Return a text if another order of columns or another vertical leaves the body level."""
         axis, sign = self.up
         own = self._readings.get((False, axis))
         if own is None or own.tilt < ROTATION.tilt:
@@ -200,7 +202,7 @@ class Heading:
         how = [*(["the scalar is first"] if first else []), *([f"{'xyz'[up]} is up"] if up != axis else [])]
         said = ",".join(names) + (f":{'-' if sign < 0 else ''}{'xyz'[up]}-up" if up != 2 or sign < 0 else "")
         return (
-            f"column 'psi': the body tilts by {np.degrees(own.tilt):.0f} deg while psi turns by {own.turn:.0f} "
-            f"deg; if {' and '.join(how)}, the attitude turns by {other.turn:.0f} deg and the body tilts by "
-            f"{np.degrees(other.tilt):.0f} deg: --columns psi={said}"
+            f"column 'psi': the body tilts by {np.degrees(own.tilt):.0f} deg while psi turns by "
+            f"{own.turn:.0f} deg; if {' and '.join(how)}, the attitude turns by {other.turn:.0f} deg "
+            f"and the body tilts by {np.degrees(other.tilt):.0f} deg: --columns psi={said}"
         )

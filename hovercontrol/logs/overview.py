@@ -68,8 +68,7 @@ class Topic:
     @property
     def rate(self) -> float:
         """The usual rate [Hz]; NaN if there is no clock."""
-        recorded = f"{self.name}/time"
-        clock = recorded if recorded in self.header else self.clock
+        clock = self.clock
         if not clock or self.rows < 2:
             return float("nan")
         unit = {"ns": 1e-9, "us": 1e-6, "ms": 1e-3}.get(self.source.units.get(clock, "s"), 1.0)

@@ -165,8 +165,8 @@ def format_of(file: Path) -> Format:
         If there is no such file, or its suffix shows that it is not a log.
     """
     bag = next(f for f in FORMATS if f.library == "rosbags")
-    if file.is_dir() and (file / "metadata.yaml").is_file():  # ROS 2 records into a folder
-        return bag
+    if file.is_dir() and ((file / "metadata.yaml").is_file() or any(file.glob("*.mcap"))):
+        return bag  # ROS 2 records into a folder, and writes the metadata at the end
     readable(file, "a log file")
     suffix = file.suffix.lower()
     if suffix in (".toml", ".py", ".fmu"):

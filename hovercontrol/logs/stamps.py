@@ -174,8 +174,9 @@ class Stamps:
         if _DAYS.match(first):  # a duration, as pandas writes it: 1 days 00:00:00.5
             parts = pc.extract_regex(text, f"^{_DAYS.pattern}$")
             if parts.null_count == text.null_count:
-                clock = self._dates(name, parts.field("clock"), row)
-                return clock + DAY * _integers(parts.field("days").cast(pa.int64()))
+                clock = pc.binary_join_element_wise("1970-01-01T", parts.field("clock"), "")
+                days = DAY * _integers(parts.field("days").cast(pa.int64()))
+                return days + _integers(clock.cast(pa.timestamp("ns")).cast(pa.int64()))
         day = bool(_DAY.match(first))
         if not day:
             text = pc.binary_join_element_wise("1970-01-01T", text, "")

@@ -1,32 +1,32 @@
-"""ROS 1 and 2 bags and MCAP files, read by rosbags: ``/odom/pose.pose.position.x``, ``/scan/ranges[0]``.
+"""ROS 1 and 2 bags and MCAP files: ``/odom/pose.pose.position.x``, ``/tf[base_link]/...``.
 
-The clock of a topic is the stamp in the header of its messages if it agrees with the time at which they
-were recorded (``/odom/time``). Otherwise the time of recording is the clock.
+The clock of a topic is the stamp in the header of its messages if it agrees with the time at which they were
+recorded (``/odom/time``), else that time. If the stamps of no topic agree with it, the bag is of a simulation
+or of a machine with a clock of its own. Then stamps are the clock, and ``/cmd/clock`` gives the times of
+messages without stamps on it, by a topic that has both.
 """
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import fields, is_dataclass
-from operator import attrgetter, itemgetter
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from hovercontrol.errors import InputError
+from hovercontrol.logs.readers.mcap import Channel
+from hovercontrol.logs.readers.messages import STAMPS, decoder_of
+from hovercontrol.logs.readers.ros_messages import Block, Key
+from hovercontrol.logs.readers.streams import stream_of
 from hovercontrol.logs.readers.tables import Table, Tables, faults, library
 
 LATE = 10_000_000_000
 """Largest difference [ns] of a header's stamp from the time of recording: more means another clock."""
 
-LONGEST = 64
-"""Elements of an array that are columns."""
-
-#: Returns one number of a message.
-Getter = Callable[[Any], Any]
+FLUSH = 2**24
+"""Bytes of messages decoded at a time."""
 
 
 def bag(file: Path) -> Tables:
@@ -38,115 +38,241 @@ def bag(file: Path) -> Tables:
         If rosbags is missing, or the bag is damaged or contains no numbers.
     """
     library(file, "rosbags.highlevel", "ROS bags")
-    tables = []
-    with faults(file, "ROS bag"), _opened(file) as reader:
-        for topic in sorted({connection.topic for connection in reader.connections}):
-            table = _table(file, reader, topic)
-            if table:
-                tables.append(table)
+    with faults(file, "ROS bag"):
+        found = _Bag(file)
+        parts = found.parts()
+        tables = found.tables(parts)
     if not tables:
-        raise InputError(f"{file}: a ROS bag without messages that hold numbers")
-    return Tables(file, tables)
+        raise InputError(f"{file}: a ROS bag without messages that hold numbers{found.unread()}")
+    return Tables(file, tables, found.aliases(parts))
 
 
-@contextmanager
-def _opened(file: Path) -> Iterator[Any]:
-    from rosbags.highlevel import AnyReader
-    from rosbags.typesys import Stores, get_typestore
+@dataclass
+class _Part:
+    """The rows of a topic that become one table.
 
-    with AnyReader([file], default_typestore=get_typestore(Stores.LATEST)) as reader:
-        yield reader
+    Attributes
+    ----------
+    topic : str
+    key : tuple of str
+        The struct that the rows describe, see :class:`~hovercontrol.logs.readers.ros_messages.Block`.
+    names : set of str
+        Names of elements of arrays; a part has all rows that share a name.
+    header : dict of str
+        Columns in order.
+    stamp : str
+        The column with the stamp of a row, or an empty text.
+    recorded, stamps : ndarray of int
+        Times of recording and stamps of the rows [ns].
+    """
 
+    topic: str
+    key: Key
+    names: set[str] = field(default_factory=set)
+    header: dict[str, None] = field(default_factory=dict)
+    stamp: str = ""
+    recorded: Any = None
+    stamps: Any = None
 
-def _table(file: Path, reader: Any, topic: str) -> Table | None:
-    """Return the table of a topic with columns as in its first message; None if it contains no numbers."""
-    connections = [c for c in reader.connections if c.topic == topic]
-    first = next(iter(reader.messages(connections=connections)), None)
-    if first is None:
-        return None
-    try:
-        message = reader.deserialize(first[2], first[0].msgtype)
-    except Exception:  # a type that the bag does not define
-        return None
-    getters = {f"{topic}/{name}": get for name, get in _numbers("", message)}
-    if not getters:
-        return None
-    recorded, stamp = f"{topic}/time", f"{topic}/header.stamp"
-    units = {name: "ns" for name, get in getters.items() if getattr(get, "__name__", "") == "stamp"} | {
-        recorded: "ns"
-    }
-    agrees = stamp in getters and abs(getters[stamp](message) - first[1]) < LATE
-    rows = sum(int(connection.msgcount) for connection in connections)
-    table = Table(
-        file, topic, [recorded, *getters], rows, lambda names: {}, stamp if agrees else recorded, units
-    )
-    table.load = lambda names: _read(table, topic, {name: getters.get(name) for name in names})
-    return table
+    def has(self, topic: str, block: Block) -> bool:
+        """Return whether the rows of a block belong to this part."""
+        same = self.topic == topic and self.key == block.key
+        return same and (bool(self.names & block.names) or self.names == block.names)
 
+    @property
+    def rows(self) -> Any:
+        """The rows that are used: all, or those with a stamp if some have none."""
+        known = self.stamps > 0 if self.stamp else np.zeros(0, dtype=bool)
+        return known if known.any() else np.ones(self.recorded.size, dtype=bool)
 
-def _read(table: Table, topic: str, getters: dict[str, Getter | None]) -> dict[str, Any]:
-    """Return columns of all messages of a topic; elements missing in a message are NaN."""
-    columns: list[list[Any]] = [[] for _ in getters]
-    plan = [(column.append, get) for column, get in zip(columns, getters.values(), strict=True)]
-    decode = any(get for get in getters.values())
-    with _opened(table.file) as reader:
-        connections = [c for c in reader.connections if c.topic == topic]
-        for connection, time, raw in reader.messages(connections=connections):
-            message = reader.deserialize(raw, connection.msgtype) if decode else None
-            for keep, get in plan:
-                try:
-                    keep(time if get is None else get(message))
-                except (IndexError, AttributeError):
-                    keep(float("nan"))
-    found = {name: np.array(column) for name, column in zip(getters, columns, strict=True)}
-    table.rows = len(next(iter(found.values())))
-    return {n: v.astype(np.uint8) if v.dtype.kind == "b" else v for n, v in found.items()}
+    @property
+    def stamped(self) -> bool:
+        """Whether the rows have stamps that change."""
+        return bool(self.stamp) and self.recorded.size > 0 and bool(np.ptp(self.stamps[self.rows]) > 0)
+
+    @property
+    def agrees(self) -> bool:
+        """Whether the stamps are times of the clock of the recording."""
+        rows = self.rows
+        off = np.abs(self.stamps[rows] - self.recorded[rows]) if self.stamp else np.zeros(0)
+        return bool(off.size and np.median(off) < LATE)
 
 
-def _numbers(prefix: str, value: Any) -> Iterator[tuple[str, Getter]]:
-    """Yield the names of the numbers in a message, each with a function that returns it."""
-    for field in fields(value):
-        if field.name.startswith("__"):
-            continue
-        yield from _inside(f"{prefix}{field.name}", getattr(value, field.name))
+class _Bag:
+    """A bag and the decoders of its channels."""
+
+    def __init__(self, file: Path) -> None:
+        self.file, self.stream = file, stream_of(file)
+        self._decoders: dict[int, tuple[Channel, Any]] = {}
+
+    def unread(self) -> str:
+        """Return which topics could not be decoded, in words; empty if all were."""
+        left = sorted({f"{c.topic} ({c.encoding})" for c, decoder in self._decoders.values() if not decoder})
+        return f"; not read: {', '.join(left[:5])}" if left else ""
+
+    def _decoder(self, channel: Channel) -> Any:
+        if id(channel) not in self._decoders:
+            self._decoders[id(channel)] = (channel, decoder_of(channel, self.file))
+        return self._decoders[id(channel)][1]
+
+    def blocks(
+        self, topics: Collection[str] | None, wanted: Collection[str]
+    ) -> Iterator[tuple[str, Block, Any]]:
+        """Yield topic, decoded rows and times of recording [ns] of each row."""
+        waiting: dict[int, tuple[Channel, list[bytes], list[int]]] = {}
+        sizes: dict[int, int] = {}
+        for channel, recorded, raw in self.stream.messages(topics):
+            key = id(channel)
+            if key not in waiting:
+                waiting[key], sizes[key] = (channel, [], []), 0
+            _, raws, times = waiting[key]
+            raws.append(raw)
+            times.append(recorded)
+            sizes[key] += len(raw)
+            if sizes[key] > FLUSH:
+                yield from self._decoded(*waiting.pop(key), wanted)
+        for each in waiting.values():
+            yield from self._decoded(*each, wanted)
+
+    def _decoded(
+        self, channel: Channel, raws: list[bytes], recorded: list[int], wanted: Collection[str]
+    ) -> Iterator[tuple[str, Block, Any]]:
+        decoder = self._decoder(channel)
+        times = np.array(recorded, dtype=np.int64)
+        for block in decoder.blocks(raws, wanted) if decoder else ():
+            yield channel.topic, block, times[block.rows]
+
+    def parts(self) -> list[_Part]:
+        """Return the parts of the bag with their clocks; one pass through the file."""
+        parts: list[_Part] = []
+        clocks: list[list[tuple[Any, Any]]] = []
+        for topic, block, recorded in self.blocks(None, STAMPS):
+            stamp = next((name for name in STAMPS if name in block.header), "")
+            stamps = np.nan_to_num(block.columns[stamp]).astype(np.int64) if stamp else 0 * recorded
+            own = [k for k, part in enumerate(parts) if part.has(topic, block)]
+            if not own:
+                own = [len(parts)]
+                parts.append(_Part(topic, block.key))
+                clocks.append([])
+            first, *others = own
+            for k in reversed(others):  # the block has names of several parts
+                parts[first].names |= parts[k].names
+                parts[first].header |= parts.pop(k).header
+                clocks[first] += clocks.pop(k)
+            part = parts[first]
+            part.names |= block.names
+            part.header |= dict.fromkeys(block.header)
+            part.stamp = part.stamp or stamp
+            clocks[first].append((recorded, stamps))
+        for part, pairs in zip(parts, clocks, strict=True):
+            recorded, stamps = (np.concatenate([pair[k] for pair in pairs]) for k in (0, 1))
+            order = np.argsort(recorded, kind="stable")
+            part.recorded, part.stamps = recorded[order], stamps[order]
+        return sorted(parts, key=lambda part: part.topic)
+
+    def read(self, part: _Part, wanted: Sequence[str]) -> dict[str, Any]:
+        """Return columns of a part in the order of recording; values missing in a message are NaN."""
+        times: list[Any] = []
+        pieces: dict[str, list[Any]] = {name: [] for name in wanted}
+        for topic, block, recorded in self.blocks([part.topic], set(wanted)):
+            if part.has(topic, block):
+                times.append(recorded)
+                for name, piece in pieces.items():
+                    missing = np.full(recorded.size, np.nan)
+                    piece.append(block.columns.get(name, missing))
+        order = np.argsort(np.concatenate(times), kind="stable")
+        return {name: np.concatenate(piece)[order] for name, piece in pieces.items()}
+
+    def tables(self, parts: Sequence[_Part]) -> list[Table]:
+        """Return the tables of the bag."""
+        stamped = [part for part in parts if part.stamped]
+        own_clock = bool(stamped) and not any(part.agrees for part in stamped)
+        both = max(stamped, key=lambda part: (part.topic == "/clock", part.recorded.size), default=None)
+        return [
+            self._table(part, _label(part, parts), both if own_clock else None)
+            for part in parts
+            if len(part.header) > bool(part.stamp)
+        ]
+
+    def _table(self, part: _Part, label: str, both: _Part | None) -> Table:
+        """Return the table of a part; `both` has times of recording and stamps of a clock of its own."""
+        name = f"{part.topic}{label}"
+        columns = {_full(part, name, short): short for short in part.header}
+        recorded, stamp, clock = f"{name}/time", f"{name}/{part.stamp}", f"{name}/clock"
+        rows = part.rows
+        known: dict[str, Any] = {recorded: part.recorded[rows]}
+        known |= {stamp: part.stamps[rows]} if part.stamp else {}
+        units = dict.fromkeys(known, "ns")
+        said = [text for text in (self.stream.said, _clock_text(part, both)) if text]
+        if (~rows).any():
+            said.append(f"{name}: {(~rows).sum()} messages without a stamp left out")
+        if damaged := sum(d.damaged for c, d in self._decoders.values() if d and c.topic == part.topic):
+            said.append(f"{part.topic}: {damaged} damaged messages left out")
+        own = recorded
+        if part.stamped and (part.agrees or both):
+            own = stamp
+        elif both:
+            known[clock], units[clock], own = _converted(known[recorded], both), "ns", clock
+
+        def load(names: Sequence[str]) -> dict[str, Any]:
+            wanted = [columns[name] for name in names if name not in known]
+            found = self.read(part, wanted) if wanted else {}
+            return {n: known[n] if n in known else found[columns[n]][rows] for n in names}
+
+        header = list(dict.fromkeys([*known, *columns]))
+        table = Table(self.file, name, header, int(rows.sum()), load, own, units)
+        table.said = "; ".join(said)
+        return table
+
+    def aliases(self, parts: Sequence[_Part]) -> dict[str, str]:
+        """Return the columns of named elements by their index in the first message, ``position[0]``."""
+        found: dict[str, str] = {}
+        for part in parts:
+            count: dict[str, int] = {}
+            for short in part.header if part.names else ():
+                stem, _, name = short.partition("[")
+                if name.removesuffix("]") in part.names:
+                    found.setdefault(f"{part.topic}/{stem}[{count.get(stem, 0)}]", f"{part.topic}/{short}")
+                    count[stem] = count.get(stem, 0) + 1
+        return found
 
 
-def _inside(name: str, value: Any) -> Iterator[tuple[str, Getter]]:
-    if isinstance(value, bool | int | float | np.number):
-        yield name, _getter(name)
-    elif isinstance(value, np.ndarray) and value.dtype.kind in "biuf":
-        for k in range(min(len(value), LONGEST)):
-            yield f"{name}[{k}]", _getter(f"{name}[{k}]")
-    elif isinstance(value, Sequence) and not isinstance(value, str | bytes):
-        for k, one in enumerate(value[:LONGEST]):
-            yield from _inside(f"{name}[{k}]", one)
-    elif is_dataclass(value):
-        if hasattr(value, "sec") and hasattr(value, "nanosec"):
-            yield name, _stamp(name)
-        yield from _numbers(f"{name}.", value)
+def _label(part: _Part, parts: Sequence[_Part]) -> str:
+    """Return what follows the topic in the name of a table: ``[base_link]``, ``[base_link in map]``."""
+    name, parent = part.key
+    others = [p for p in parts if p.topic == part.topic and p is not part]
+    if name:
+        several = any(p.key[0] == name for p in others)
+        return f"[{name} in {parent}]" if several else f"[{name}]"
+    return f"[{min(part.names)}]" if part.names and any(p.names for p in others) else ""
 
 
-def _getter(path: str) -> Getter:
-    """Return a function of a message that returns the number at a path like ``a.b[2].c``."""
-    steps: list[Getter] = [
-        itemgetter(int(index)) if index else attrgetter(names.strip("."))
-        for names, index in re.findall(r"([^\[\]]+)|\[(\d+)\]", path)
-    ]
-    if len(steps) == 1:
-        return steps[0]
-
-    def get(message: Any) -> Any:
-        for step in steps:
-            message = step(message)
-        return message
-
-    return get
+def _full(part: _Part, table: str, short: str) -> str:
+    """Return the name of a column; that of a named element needs no name of a table."""
+    named = short.partition("[")[2].removesuffix("]") in part.names
+    return f"{part.topic if named else table}/{short}"
 
 
-def _stamp(path: str) -> Getter:
-    sec, nanosec = _getter(f"{path}.sec"), _getter(f"{path}.nanosec")
+def _converted(recorded: Any, both: _Part) -> Any:
+    """Return times of recording [ns] as stamps, by a part that has both; beyond its ends at its rate."""
+    rows = both.rows
+    x, y = both.recorded[rows], both.stamps[rows]
+    x, first = np.unique(x, return_index=True)
+    y = y[first]
+    rate = float(y[-1] - y[0]) / float(x[-1] - x[0])
+    inside = np.interp((recorded - x[0]).astype(float), (x - x[0]).astype(float), (y - y[0]).astype(float))
+    beyond = rate * (np.minimum(recorded - x[0], 0) + np.maximum(recorded - x[-1], 0))
+    return y[0] + np.rint(inside + beyond).astype(np.int64)
 
-    def stamp(message: Any) -> int:
-        return int(sec(message)) * 10**9 + int(nanosec(message))
 
-    return stamp
+def _clock_text(part: _Part, both: _Part | None) -> str:
+    """Return a text on the clocks of a part, if its stamps are not on that of the recording."""
+    if both is None and (not part.stamped or part.agrees):
+        return ""
+    rows = (both or part).rows
+    stamps, recorded = (both or part).stamps[rows], (both or part).recorded[rows]
+    rate = float(np.ptp(stamps)) / max(float(np.ptp(recorded)), 1.0)
+    speeds = f"stamps run at {rate:.3g} of the speed of the clock of the recording"
+    if both is None:
+        return f"{part.topic}: {speeds} and are far from it: time of recording used"
+    return f"{both.topic}: {speeds}: time by the stamps"

@@ -100,7 +100,7 @@ class CsvSource:
         return len(last) if cut and len(self.dialect.cells(text)) < len(self.header) else 0
 
     def _units_of_cells(self) -> dict[str, tuple[str, str]]:
-        """Return the units of columns whose cells are a number and a unit (``0.5 sec``), as written and in SI."""
+        """Return the units of columns with cells like ``0.5 sec``, as written and as units."""
         _, cells = next(self._rows(), (0, []))
         found = [_WITH_UNIT.fullmatch(cell.strip()) for cell in cells]
         return {
@@ -187,9 +187,7 @@ class CsvSource:
                 for batch in reader:
                     start, rows = rows, rows + batch.num_rows
                     columns = [
-                        self._without_unit(name, column, start)
-                        if name in self._worded
-                        else as_number(column)
+                        self._without_unit(name, column, start) if name in self._worded else as_number(column)
                         for name, column in zip(names, batch.columns, strict=True)
                     ]
                     yield pa.RecordBatch.from_arrays(columns, names=names)

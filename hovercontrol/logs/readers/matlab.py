@@ -65,7 +65,9 @@ def matlab(file: Path) -> Tables:
         )
     longest = {struct: max(n for own, n in groups if own == struct) for struct, _ in groups}
     tables = [
-        _table(file, struct if struct and n == longest[struct] else f"{struct} {n} rows".strip(), columns, units)
+        _table(
+            file, struct if struct and n == longest[struct] else f"{struct} {n} rows".strip(), columns, units
+        )
         for (struct, n), columns in groups.items()
     ]
     short = {name.partition(".")[2]: name for name in vectors} if len(variables) == 1 else {}

@@ -90,7 +90,10 @@ class _Group:
         labels = list(_labels(raw.conversion))
         if labels:
             own = raw.conversion.referenced_blocks.get("default_addr")
-            scaled = hasattr(own, "convert") and (getattr(own, "a", 0.0), getattr(own, "b", 0.0)) != (1.0, 0.0)
+            scaled = hasattr(own, "convert") and (getattr(own, "a", 0.0), getattr(own, "b", 0.0)) != (
+                1.0,
+                0.0,
+            )
             numbers = own.convert(raw.samples) if hasattr(own, "convert") else raw.samples
             bits = int(self.measured.groups[self.number].channels[channel].bit_count)
             values, said = labelled(raw.samples, numbers, labels, bits, scaled=scaled)
@@ -114,9 +117,8 @@ def _labels(conversion: Any) -> Iterator[tuple[float, float, str]]:
         text = blocks.get(f"text_{k}")
         if not isinstance(text, bytes) or not text:
             continue
-        at = next((a for key in ("val", "param_val") if (a := getattr(conversion, f"{key}_{k}", None)) is not None), None)
-        low = getattr(conversion, f"lower_{k}", at) if at is None else at
-        high = getattr(conversion, f"upper_{k}", at) if at is None else at
+        at = getattr(conversion, f"val_{k}", getattr(conversion, f"param_val_{k}", None))  # MDF 4, MDF 3
+        low, high = getattr(conversion, f"lower_{k}", at), getattr(conversion, f"upper_{k}", at)
         if low is not None and high is not None:
             yield float(low), float(high), text.decode("utf-8", errors="replace").strip("\0 ")
 

@@ -178,7 +178,7 @@ def unit_or_none(text: str) -> str:
 
     Examples
     --------
-    >>> unit_or_none(" m/s"), unit_or_none("°/s"), unit_or_none("counts")
+    >>> unit_or_none(" m/s"), unit_or_none("°/s"), unit_or_none("furlongs/x")
     ('m/s', 'deg/s', '')
     """
     text = text.strip("\0 ").replace("°", "deg").replace("²", "^2").replace("µ", "u")

@@ -97,3 +97,39 @@ def test_units_in_the_names_of_columns_are_used(tmp_path: Path) -> None:
     assert np.allclose(read_log(tmp_path / "a.csv", {"time": "Zeit", "x": "x:cm"})["x"], [0.015, 0.03])
     with pytest.raises(InputError, match=r"column 'thrust', read as 'N': .*--columns thrust=thrust:UNIT"):
         read_log(tmp_path / "a.csv", {"time": "Zeit"}, {"thrust": "A"})
+
+
+@pytest.mark.parametrize(
+    ("cells", "values"),
+    [
+        (["0 sec", "0.01 sec", "0.02 sec"], [0.0, 0.01, 0.02]),  # MATLAB's writetimetable
+        (["0 min", "0.5 min", "1 min"], [0.0, 30.0, 60.0]),
+        (["0 days 23:59:59.500000", "1 days 00:00:00", "1 days 00:00:00.5"], [0.0, 0.5, 1.0]),  # pandas
+        (["00:00:01", "00:00:01.5", "00:00:02"], [0.0, 0.5, 1.0]),
+    ],
+)
+def test_durations_are_read_as_seconds(tmp_path: Path, cells, values) -> None:
+    (tmp_path / "a.csv").write_text("\n".join(["time,x", *(f"{cell},1" for cell in cells)]))
+    assert read_log(tmp_path / "a.csv").time == pytest.approx(values)
+
+
+def test_truth_values_and_units_in_cells_are_numbers(tmp_path: Path) -> None:
+    rows = ["0,False,12 mm,a", "1,True,15.5 mm,b", "2,True,,c"]
+    (tmp_path / "a.csv").write_text("\n".join(["time,on,gap,mode", *rows]))
+    log = read_log(tmp_path / "a.csv", {"x": "gap"})
+    assert log["on"].tolist() == [0.0, 1.0, 1.0] and "mode" not in log.columns
+    assert log["x"] == pytest.approx([0.012, 0.0155, np.nan], nan_ok=True)
+    (tmp_path / "a.csv").write_text("\n".join(["time,on,gap", "0,True,12 mm", "1,True,3 cm"]))
+    with pytest.raises(InputError, match="line 3, column 'gap': expected a number and 'mm', found '3 cm'"):
+        read_log(tmp_path / "a.csv", {"x": "gap"})
+
+
+def test_columns_of_parquet_may_be_truth_values_and_durations(tmp_path: Path) -> None:
+    import pyarrow as pa
+    from pyarrow.parquet import write_table
+
+    time = pa.array([0, 10_000_000, 20_000_000], pa.duration("ns"))
+    write_table(pa.table({"time": time, "on": [False, None, True]}), tmp_path / "a.parquet")
+    log = read_log(tmp_path / "a.parquet", {"on": "on"})
+    assert log.time == pytest.approx([0.0, 0.01, 0.02])
+    assert log["on"] == pytest.approx([0.0, np.nan, 1.0], nan_ok=True)

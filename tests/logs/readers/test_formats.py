@@ -131,12 +131,6 @@ def test_a_library_that_is_missing_is_said_how_to_install(tmp_path: Path, monkey
         read_log(tmp_path / "a.ulg")
 
 
-def test_a_matlab_file_of_version_7_3_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "a.mat").write_bytes(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(512, b"\0"))
-    with pytest.raises(InputError, match=r"a\.mat: expected a MATLAB file up to version 7, found .* save it"):
-        read_log(tmp_path / "a.mat")
-
-
 @pytest.mark.parametrize("name", FORMATS)
 def test_a_damaged_file_ends_in_one_line(tmp_path: Path, name: str, capfd) -> None:
     file, columns = made(name, tmp_path)
