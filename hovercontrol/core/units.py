@@ -247,7 +247,7 @@ class DimensionChecker:
             for part in e.args:
                 self(part)
             return DIMENSIONLESS
-        if isinstance(e, sp.sign):
+        if isinstance(e, sp.sign | sp.Heaviside):
             self(e.args[0])
             return DIMENSIONLESS
         if isinstance(e, entry):

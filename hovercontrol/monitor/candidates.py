@@ -239,6 +239,13 @@ def _against(
         for k, v in trial.values.items()
         if k != key and not math.isnan(cls.numbers[k].neutral)
     }
+    known = {p.name for p in without.parameters}
+    # effects in a sampled model bring its period, which is the monitor's
+    numbers |= {
+        p.symbol: sp.Symbol("period", real=True)
+        for p in extended.parameters
+        if p.name == f"{name}.period" and p.name not in known
+    }
     kept = [p.replace(lower=p.start, upper=p.start) for p in own.values() if p.symbol not in numbers]
     every = {p.symbol: p.start for p in extended.parameters}
     delays = {float(e.subs(every)) for e in extended.delays.values()}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -62,7 +63,9 @@ def estimation_model(
     """Return the plant as the filter knows it.
 
     Gusts are Ornstein-Uhlenbeck accelerations of standard deviation sigma and correlation time tau: states
-    ``d' = -d/tau + w`` with the intensity ``2 sigma^2/tau``. Uncertain coefficients are constant states.
+    ``d' = -d/tau + w`` with the intensity ``2 sigma^2/tau``. Added to the next values of a sampled plant of
+    period h they have ``d+ = exp(-h/tau) d + w``, of variance ``sigma^2 (1 - exp(-2 h/tau))``. Uncertain
+    coefficients are constant states.
     """
     # The filter learns uncertain coefficients; its innovations stay white for every value of them.
     noise, start = dict(process_noise), dict(start_std)
@@ -72,7 +75,8 @@ def estimation_model(
         block = with_disturbances(block, list(gusts), correlation_time=gust_seconds)
         for state, sigma in gusts.items():
             d = disturbance_name(state)
-            noise[d] = sigma * (2.0 / gust_seconds) ** 0.5
+            share = -math.expm1(-2.0 * block.period / gust_seconds) if block.period else 2.0 / gust_seconds
+            noise[d] = sigma * share**0.5
             start[d] = sigma
     return observed(
         block, measured, noise, measurement_noise, start, name, continuous=False, lost_samples=lost_samples
@@ -109,9 +113,13 @@ def _with_uncertain(plant: Block, std: Mapping[str, float], name: str) -> Block:
         outputs=plant.outputs,
         parameters=tuple(p for p in plant.parameters if p.symbol not in swap),
         derivatives=Expressions(
-            [*swapped(plant.derivatives).items(), *((s.name, 0 * s.symbol) for s in states)]
+            [
+                *swapped(plant.derivatives).items(),
+                *((s.name, s.symbol if plant.period else 0 * s.symbol) for s in states),
+            ]
         ),
         output_expressions=swapped(plant.output_expressions),
         definitions=swapped(plant.definitions),
         definition_signals=plant.definition_signals,
+        period=plant.period,
     )

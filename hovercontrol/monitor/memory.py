@@ -29,10 +29,12 @@ class Memory:
     ----------
     states : list of Signal
     next_values : dict of str to sympy.Expr
+    period : float
+        Of a sampled plant [s], else 0.
     """
 
     def __init__(self, design: Design, write: Equations, x: sp.Matrix, before: sp.Matrix) -> None:
-        self._write, self._design = write, design
+        self._write, self._design, self.period = write, design, design.model.plant.period
         self._here, self._predicted = self._at(x), self._at(before)
         self.states: list[Signal] = []
         self.next_values: dict[str, sp.Expr] = {}
@@ -95,7 +97,10 @@ class Memory:
         return line
 
     def _remembered(self, c: Candidate) -> dict[sp.Expr, sp.Expr]:
-        """Write the candidate's own states a tick later; return their means over the tick."""
+        """Write the candidate's own states a tick later; return their means over the tick.
+
+        A sampled plant sees their values at the tick.
+        """
         if not c.memory:
             return {}
         own = {s.symbol: s.replace(name=f"{c.name}.{s.name}", lower=-sp.oo, upper=sp.oo) for s in c.memory}
@@ -105,11 +110,15 @@ class Memory:
             new.name: c.memory[old].xreplace(rename).xreplace(self._here)
             for old, new in zip(c.memory, own.values(), strict=True)
         }
-        block = Block("memory").unchecked(states=tuple(own.values()), derivatives=Expressions(laws))
+        block = Block("memory").unchecked(
+            states=tuple(own.values()), derivatives=Expressions(laws), period=self.period
+        )
         x = sp.Matrix([s.symbol for s in own.values()])
         h = sp.Symbol("period", real=True)
         new = runge_kutta(Dynamics(block), self._write, f"memory_{c.name}", x, time, h, jacobian=False).x
         for s, value in zip(own.values(), new, strict=True):
             self.states.append(s)
             self.next_values[s.name] = value
+        if self.period:
+            return {old: s.symbol for old, s in own.items()}
         return {old: (s.symbol + value) / 2 for (old, s), value in zip(own.items(), new, strict=True)}

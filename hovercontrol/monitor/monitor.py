@@ -77,7 +77,7 @@ def monitor(
     Parameters
     ----------
     model : Model, BlockModel or Block
-        Continuous.
+        Continuous, or sampled with the monitor's period.
     candidates : sequence of str or Effect, optional
         Changes to look for: names of effects that the model lacks, of the model's own coefficients, or
         ``NAME_bias`` for a bias of a measured channel. An Effect gives the trial values of its shape
@@ -88,14 +88,16 @@ def monitor(
         Sampling period [s].
     process_noise : mapping of str to float
         Root spectral density of white noise in the derivatives of states, by their names
-        [unit of the state / s^(1/2)].
+        [unit of the state / s^(1/2)]; of a sampled model standard deviation of what each step adds [unit of
+        the state].
     measurement_noise : mapping of str to float
         Standard deviation of a sample, for each measured channel [its unit].
     measured : sequence of str, optional
         Outputs, or states, of the model (default: the keys of `measurement_noise`, in their order).
     gusts : mapping of str to float, optional
         Standard deviation of random accelerations of a correlation time, by the states in whose derivatives
-        they act [unit of the state / s]. They raise no alarm.
+        they act [unit of the state / s], or to whose next values they are added in a sampled model [unit of
+        the state]. They raise no alarm.
     gust_seconds : float, optional
         Their correlation time [s].
     coefficient_std : mapping of str to float, optional
@@ -160,12 +162,13 @@ def monitor(
         raise InputError(f"{name}: dispersion=True needs a measured log as motion")
     craft = as_model(model)
     plant = plant_of(craft, name, "monitor")
-    plant.need_continuous("monitor")
     measured = list(measurement_noise) if measured is None else measured
     known = estimation_model(
         plant, measured, process_noise, measurement_noise, gusts or {}, gust_seconds, coefficient_std or {},
         start_std or {}, name, lost_samples,
     )  # fmt: skip
+    if plant.period and tick != plant.period:
+        raise InputError(f"{name}: period: expected that of the model, {plant.period:g} s, found {tick:g} s")
     steps = steps_between(plant, tick, name, substeps)
     path = motion_of(plant, measured, tick, motion, name)
     found = candidates_of(craft, candidates, measured, path.sizes, name, tick)

@@ -9,9 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.expressions import Expressions
 from hovercontrol.errors import InputError, shown
 from hovercontrol.logs.log import Log
 from hovercontrol.models.base import shown_by
+from hovercontrol.simulation.sampled import Ticking, simulate_runs
 
 Array = NDArray[np.float64]
 
@@ -93,10 +95,8 @@ def _simulated(plant: Block, measured: Sequence[str], period: float, name: str) 
         high = high if np.isfinite(high) else SIZE * s.nominal
         columns.append(np.repeat(rng.uniform(low, high, K // each + 1), each)[:K])
     u = np.stack(columns, axis=1) if columns else np.zeros((K, 0))
-    run = plant.compile().simulate(np.arange(K) * period, u.T if columns else None)
-    found = dict(zip((s.name for s in plant.outputs), np.atleast_2d(run.outputs), strict=True))
-    states = dict(zip((s.name for s in plant.states), np.atleast_2d(run.states), strict=True))
-    every = states | found
+    every = _ticked(plant, u) if plant.period else _integrated(plant, period, u)
+    states = {s.name: every[s.name] for s in plant.states}
     y = np.stack([every[shown_by(list(every), key)] for key in measured], axis=1)
     if not np.isfinite(y).all():
         raise InputError(
@@ -106,3 +106,25 @@ def _simulated(plant: Block, measured: Sequence[str], period: float, name: str) 
     sizes = {s.name: float(np.abs(c).max()) or 1.0 for s, c in zip(plant.inputs, columns, strict=True)}
     sizes |= {k: float(np.sqrt(np.mean(c**2))) or 1.0 for k, c in states.items()}
     return Motion(y, u, np.ones(y.shape, bool), sizes)
+
+
+def _integrated(plant: Block, period: float, u: Array) -> dict[str, Array]:
+    """Return states and outputs of a continuous plant under inputs held for a period [s], (K, p)."""
+    run = plant.compile().simulate(np.arange(len(u)) * period, u.T if u.size else None)
+    found = dict(zip((s.name for s in plant.states), np.atleast_2d(run.states), strict=True))
+    return found | dict(zip((s.name for s in plant.outputs), np.atleast_2d(run.outputs), strict=True))
+
+
+def _ticked(plant: Block, u: Array) -> dict[str, Array]:
+    """Return states and outputs of a sampled plant under inputs, (K, p), at the begin of its ticks."""
+    shown = {s.name: s.symbol for s in plant.states} | dict(plant.output_expressions)
+    signals = {s.name: s for s in (*plant.states, *plant.outputs)}
+    every = plant.unchecked(
+        outputs=tuple(signals[key] for key in shown), output_expressions=Expressions(shown)
+    )
+    inputs = dict(zip((s.name for s in plant.inputs), u.T, strict=True))
+    if not inputs:
+        run = Ticking(every)
+        rows = [list(run.tick(k * plant.period, {}).values()) for k in range(len(u))]
+        return dict(zip(shown, np.array(rows).T, strict=True))
+    return {key: row[:, 0] for key, row in simulate_runs(every, inputs).items()}

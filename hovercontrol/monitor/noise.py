@@ -2,7 +2,8 @@
 
 The fit describes what the model leaves open as missing accelerations, Ornstein-Uhlenbeck processes of root
 mean square sigma and correlation time tau. Slower than a tick the monitor knows them as white noise of the
-same power at low frequencies: root spectral density ``sigma (2 tau)^(1/2)``.
+same power at low frequencies: root spectral density ``sigma (2 tau)^(1/2)``. Of a sampled model of period T,
+each step adds ``sigma (2 tau T)^(1/2)``.
 """
 
 from __future__ import annotations
@@ -39,7 +40,8 @@ class NoiseLevels:
     Attributes
     ----------
     process : dict of str to float
-        Root spectral density, by state [unit of the state / s^(1/2)].
+        Root spectral density, by state [unit of the state / s^(1/2)]; of a sampled model what each step adds
+        [unit of the state].
     measurement : dict of str to float
         Standard deviation of a sample, by channel [its unit].
     unexplained : dict of str to float
@@ -71,7 +73,7 @@ def noise_of(fit: Fit, channels: Sequence[str]) -> NoiseLevels:
     """Return the noise levels of a fit."""
     density = fit.noise.process * np.sqrt(2.0 * fit.noise.seconds)
     least = LEAST * fit.problem.accelerations * np.sqrt(2.0 * LASTS)
-    sizes = np.maximum(density, least).tolist()
+    sizes = (np.maximum(density, least) * np.sqrt(fit.problem.period or 1.0)).tolist()
     measured = dict(zip(fit.problem.rows.channels, fit.noise.measured.tolist(), strict=True))
     lacking = [c for c in channels if c not in measured]
     if lacking:

@@ -94,9 +94,10 @@ class AtTheEstimate:
         rates = {key: here(e) for key, e in c.rates.items()}
         block = Block("sized").unchecked(
             states=(*own, size),
-            derivatives=Expressions(laws | {size.name: sp.S.Zero}),
+            derivatives=Expressions(laws | {size.name: size.symbol if self._memory.period else sp.S.Zero}),
             outputs=tuple(Signal(key) for key in rates),
             output_expressions=Expressions(rates),
+            period=self._memory.period,
         )
         q, q_next = (
             self._coefficient(f"{name}_{k}", c, j, *at) for k, at in enumerate((self._now, self._then))
@@ -149,4 +150,6 @@ class AtTheEstimate:
             self.next_values[own[i].name] = step.x[i] + after[i] * (q_next - q)
             self.next_values[S[i].name] = after[i]
         self.states += [*own, *S]
+        if block.period:
+            return list(x), [*before, sp.S.One]
         return list((x + step.x[:n, :]) / 2), [*((before + after) / 2), sp.S.One]
