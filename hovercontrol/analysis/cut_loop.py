@@ -165,9 +165,13 @@ class CutLoop:
             matrices_at(self._closed, point)  # warns
         (A, B, C, D), period = matrices_at(self._cut, here, friction, amplitude, warn=False)
         n = self._n
-        labels = {kind: [s.name for s in getattr(self._cut, kind)] for kind in ("outputs", "states")}
-        wires = [s.name for s in self._cut.inputs[:n]]
-        return state_space([A, B[:, :n], C, D[:, :n]], period, inputs=wires, **labels)
+        # python-control's inputs and outputs have no dots, its states may
+        wires, returned = (
+            [s.name.replace(".", "_") for s in group] for group in (self._cut.inputs[:n], self._cut.outputs)
+        )
+        states = [s.name for s in self._cut.states]
+        labels = {"inputs": wires, "outputs": returned, "states": states}
+        return state_space([A, B[:, :n], C, D[:, :n]], period, **labels)
 
 
 def _rows(signals: Sequence[Signal], kind: str, labels: Sequence[str] | None, values: Any) -> np.ndarray:

@@ -98,12 +98,13 @@ def bode(
     loop, wire, at, time, params, friction, amplitude
         As for :func:`loop_gain`.
     frequencies : array_like, shape (n,), optional
-        [rad/s], positive; default two decades beyond what the loop has of poles and zeros.
+        [rad/s], positive; default two decades beyond what the loop has of poles and zeros. Of a sampled loop
+        up to Nyquist's frequency.
 
     Raises
     ------
     InputError
-        As by :func:`loop_gain`, or if a frequency is not positive.
+        As by :func:`loop_gain`, or if a frequency is not positive or above that.
 
     Examples
     --------

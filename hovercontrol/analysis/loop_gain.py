@@ -134,14 +134,25 @@ def unstable_poles(system: control.StateSpace) -> int:
 
 
 def frequencies_of(gain: control.StateSpace, given: ArrayLike | None) -> Array:
-    """Return the frequencies given, or a grid about the poles and zeros of L and its closed loop [rad/s]."""
+    """Return the frequencies given, or a grid about the poles and zeros of L and its closed loop [rad/s].
+
+    Raises
+    ------
+    InputError
+        If one is not positive, or is above Nyquist's frequency pi/h of a sampled loop.
+    """
+    dt = float(gain.dt) if gain.isdtime(strict=True) else 0.0
     if given is not None:
         omega = np.atleast_1d(np.asarray(given, dtype=float))
         if omega.ndim != 1 or not len(omega) or not (np.isfinite(omega) & (omega > 0)).all():
             raise InputError("frequencies: expected positive finite numbers [rad/s]")
+        if dt and omega.max() > math.pi / dt * (1 + 1e-9):
+            raise InputError(
+                f"frequencies: expected at most Nyquist's frequency, {math.pi / dt:.6g} rad/s at a step of "
+                f"{dt:g} s, found {omega.max():g}"
+            )
         return np.sort(omega)
     roots = np.concatenate([gain.poles(), gain.zeros(), control.feedback(gain, 1).poles()])
-    dt = float(gain.dt) if gain.isdtime(strict=True) else 0.0
     if dt:
         with np.errstate(divide="ignore"):
             roots = np.log(roots[np.abs(roots) > 1e-12].astype(complex)) / dt

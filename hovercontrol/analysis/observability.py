@@ -41,24 +41,33 @@ SINGULAR = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class _Sampled:
-    """G over time, scaled: rows by the states' sizes, columns by the coefficients'."""
+    """G over time, scaled: rows by the states' sizes, columns by the coefficients'.
+
+    Of a sampled Block, whose period is positive, Gamma and W are sums over its steps, not integrals.
+    """
 
     time: Array
     G: Array
+    period: float
 
     def between(self, start: float, stop: float) -> _Sampled:
         inside = (self.time >= start) & (self.time <= stop)
-        return _Sampled(self.time[inside], self.G[..., inside])
+        return _Sampled(self.time[inside], self.G[..., inside], self.period)
 
     def root(self) -> Array:
         """Return a matrix whose square (from the left) is W."""
         n, m, k = self.G.shape
-        gamma = cumulative_trapezoid(self.G, self.time, axis=-1, initial=0.0)
+        if self.period:
+            gamma = np.cumsum(self.G, axis=-1) - self.G
+        else:
+            gamma = cumulative_trapezoid(self.G, self.time, axis=-1, initial=0.0)
         rows = np.concatenate([np.broadcast_to(np.eye(n)[..., None], (n, n, k)), gamma], axis=1)
         return (rows * np.sqrt(self.weights)).transpose(2, 0, 1).reshape(-1, n + m)
 
     @property
     def weights(self) -> Array:
+        if self.period:
+            return np.ones(len(self.time))
         return mean_weights(self.time) * (self.time[-1] - self.time[0])
 
 
@@ -131,7 +140,7 @@ class Gramian:
     sizes : dict of str to float
         What states and coefficients are measured in: their nominal sizes, or 1.
     matrix : ndarray, shape (n + m, n + m)
-        W; in seconds where it is scaled.
+        W; in seconds where it is scaled, of a sampled Block without unit.
     eigenvalues : ndarray, shape (n + m,)
         Rising; those below ``SINGULAR`` of the largest are 0.
     coefficient_matrix : ndarray, shape (m, m)
@@ -259,9 +268,9 @@ def observability_gramian(
     Parameters
     ----------
     block : Block
-        Linear in the coefficients.
+        Linear in the coefficients; continuous, or sampled.
     time : array_like, shape (n,)
-        Increasing times [s]; steps may differ.
+        Increasing times [s]; steps may differ. Of a sampled Block its period apart.
     signals : mapping of str to array_like, shape (n,)
         The states and inputs that G needs, by name; more are ignored.
     coefficients : sequence of str, optional
@@ -280,11 +289,12 @@ def observability_gramian(
     ------
     InputError
         If signals are missing (all are named), of another length or not finite, time does not
-        increase, the window has less than two samples, or the Block is not linear in a coefficient.
+        increase or has other steps than a sampled Block, the window has less than two samples, or the Block
+        is not linear in a coefficient.
 
     Notes
     -----
-    C17 (6), with the trapezoidal rule for both integrals.
+    C17 (6), with the trapezoidal rule for both integrals; of a sampled Block both are sums over its steps.
 
     Examples
     --------
@@ -300,7 +310,9 @@ def observability_gramian(
     G = Regressors(model, drift=False).series(t, signals)[:, 1:]
     x_sizes = np.array([s.nominal if scaled else 1.0 for s in model.states])
     c_sizes = np.array([c.nominal if scaled else 1.0 for c in model.coefficients])
-    sampled = _Sampled(t, G * c_sizes[None, :, None] / x_sizes[:, None, None])
+    if block.period and not np.allclose(np.diff(t), block.period, rtol=1e-6):
+        raise InputError(f"time: expected rows {block.period:g} s apart, the period of block {block.name!r}")
+    sampled = _Sampled(t, G * c_sizes[None, :, None] / x_sizes[:, None, None], block.period)
     if window is not None:
         sampled = sampled.between(*window)
         if len(sampled.time) < 2:

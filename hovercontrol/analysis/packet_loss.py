@@ -24,9 +24,10 @@ from hovercontrol.analysis.cut_loop import CutLoop, Point
 from hovercontrol.core.arguments import as_row, at_least
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
+from hovercontrol.core.linear_systems import over_period
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.io.short_repr import short_repr
-from hovercontrol.io.tables import number, positive
+from hovercontrol.io.tables import number
 
 Array = NDArray[np.float64]
 Lost = Literal["hold", "zero"]
@@ -181,11 +182,11 @@ def packet_loop(
     Parameters
     ----------
     blocks : sequence of Block
-        Continuous, that join to a closed loop without inputs.
+        That join to a closed loop without inputs; all continuous, or sampled with one period.
     at : str or sequence of str
         The commands that a packet holds. What they depend on is sampled when it is sent.
     period : float
-        From packet to packet [s].
+        From packet to packet [s]; of sampled Blocks a multiple of theirs.
     x, time, params
         As for :meth:`~hovercontrol.analysis.cut_loop.CutLoop.linearize`.
     lost : {"hold", "zero"}, optional
@@ -259,12 +260,10 @@ def _step(line: control.StateSpace, period: float, lost: str) -> tuple[Array, Ar
     """Return the step of states and held commands if the packet arrives, and if it is lost."""
     if lost not in ("hold", "zero"):
         raise InputError(f"lost: unknown {lost!r}{did_you_mean(str(lost), ('hold', 'zero'))}")
-    if line.isdtime(strict=True):
-        raise InputError("packet loop: expected a continuous loop, found one with parts that tick")
     if np.any(line.D):
         raise InputError("packet loop: a command depends on a command at the same instant")
-    sampled = control.sample_system(line, positive("period", period), "zoh")
-    A, B, K = sampled.A, sampled.B, sampled.C
+    A, B = over_period("packet loop: period", line.A, line.B, float(line.dt or 0.0), period)
+    K = line.C
     n, m = B.shape
     arrives = np.block([[A + B @ K, np.zeros((n, m))], [K, np.zeros((m, m))]])
     hold = np.block([[A, B], [np.zeros((m, n)), np.eye(m)]])

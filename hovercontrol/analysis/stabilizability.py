@@ -2,6 +2,10 @@
 
 K06 uses both [K06 theorem 2.3.1, 2.3.3] to show that no such feedback holds a hovercraft's pose or heading
 [K06 proposition 2.3.2, 2.3.4]; the forms are those of [K06 eq 2.49, 2.51] and the map of [K06 eq 2.56].
+Of a sampled Block, x+ = f(x, u), Brockett's condition is that (x, u) -> f(x, u) - x is onto a neighbourhood
+of 0: a fixed point that attracts has the index 1 [Krasnosel'skii and Zabreiko, Geometrical Methods of
+Nonlinear Analysis, 1984]. The theorem of Byrnes and Isidori is of continuous time.
+
 Ranks are exact: the Block's numbers become fractions, and solvability of polynomial equations is decided by
 a Groebner basis, heading angles by their sine and cosine.
 """
@@ -17,9 +21,11 @@ import sympy as sp
 from hovercontrol.analysis.polynomials import unsolvable
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
+from hovercontrol.core.linear_systems import growth
 from hovercontrol.core.sgn import regularise
 from hovercontrol.core.signals import time
 from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.targets.trim_conditions import rate_name, with_rates
 
 #: An eigenvalue whose real part is within this of zero is on the imaginary axis.
 ON_AXIS = 1e-9
@@ -36,7 +42,7 @@ class Linearised:
     rank, order : int
         Of the controllability matrix, and the number of states.
     uncontrollable : tuple of complex
-        Eigenvalues that no feedback moves.
+        Eigenvalues that no feedback moves, of a sampled Block those of its map.
     """
 
     rank: int
@@ -46,7 +52,7 @@ class Linearised:
 
 @dataclass(frozen=True)
 class Brockett:
-    """Condition (iii) of K06 theorem 2.3.3: the map (x, u) -> f(x, u) is onto a neighbourhood of 0.
+    """Condition (iii) of K06 theorem 2.3.3: the map (x, u) -> rates is onto a neighbourhood of 0.
 
     Attributes
     ----------
@@ -55,7 +61,8 @@ class Brockett:
     rank : int
         Of [A B]; equal to the number of states it proves `onto`.
     missed : dict of str to sympy.Expr
-        Rates of the states that no state and input gives, however small they are (times any factor but 0).
+        Rates of the states that no state and input gives, however small they are (times any factor but 0); of
+        a sampled Block changes per step.
     """
 
     onto: bool | None
@@ -88,6 +95,10 @@ class ByrnesIsidori:
         return None if self.unmet else self.directions == len(self.pushed)
 
 
+#: What the theorem says of a sampled Block.
+NOT_CONTINUOUS = ByrnesIsidori((), (), "time is continuous", 0)
+
+
 @checked
 @dataclass(frozen=True)
 class Stabilizability:
@@ -100,6 +111,8 @@ class Stabilizability:
     linearised : Linearised
     brockett : Brockett
     byrnes_isidori : ByrnesIsidori
+    sampled : bool
+        Whether the Block is sampled.
 
     Examples
     --------
@@ -115,11 +128,12 @@ class Stabilizability:
     linearised: Linearised
     brockett: Brockett
     byrnes_isidori: ByrnesIsidori
+    sampled: bool = False
 
     @property
     def verdict(self) -> Verdict:
         """Return ``possible``, ``impossible`` or ``undecided``."""
-        stuck = [value.real for value in self.linearised.uncontrollable]
+        stuck = growth(self.linearised.uncontrollable, self.sampled).tolist()
         theorem = self.byrnes_isidori.stabilizable
         if any(re > ON_AXIS for re in stuck) or self.brockett.onto is False or theorem is False:
             return "impossible"
@@ -140,7 +154,8 @@ class Stabilizability:
                 f"of its linearisation's {lin.order} modes inputs move {lin.rank}; the others stay at {stuck}"
             )
         if b.onto is False:
-            rates = ", ".join(f"{name}' = {value}" for name, value in b.missed.items() if value != 0)
+            rate = " per step" if self.sampled else "'"
+            rates = ", ".join(f"{name}{rate} = {value}" for name, value in b.missed.items() if value != 0)
             reasons.append(
                 f"Brockett's condition fails: no state and input give the rates {rates} with the others "
                 "zero, or any multiple of them"
@@ -168,7 +183,8 @@ def stabilizability(
     Parameters
     ----------
     block : Block
-        Affine in its inputs (a craft with rudder and propeller is so in the force vector, see the example).
+        Continuous or sampled, affine in its inputs (a craft with rudder and propeller is so in the force
+        vector, see the example).
     states : sequence of str, optional
         The states that matter, which must not depend on the others; default all.
     at : mapping, optional
@@ -199,19 +215,22 @@ def stabilizability(
     >>> stabilizability(craft, ["plant.u", "plant.v", "plant.r"], at={"plant.u": 1.1}).verdict
     'possible'
     """
-    x, u, f = _exact(block, states)
+    plain = with_rates(block)
+    x, u, f = _exact(plain, states)
     here = _equilibrium(block, x, u, at or {})
     moving = [(name, e) for name, e in zip(_names(x), f, strict=True) if sp.simplify(e.xreplace(here)) != 0]
     if moving:
         name, e = moving[0]
-        raise InputError(f"block {block.name!r}: no equilibrium: {name}' = {sp.N(e.xreplace(here), 4)} there")
+        rate = f"{rate_name(block, name)} = {sp.N(e.xreplace(here), 4)}"
+        raise InputError(f"block {block.name!r}: no equilibrium: {rate} there")
     shift = {s: s + value for s, value in here.items()}
     f = f.xreplace(shift).applyfunc(sp.expand_trig)
     zero = dict.fromkeys([*x, *u], sp.S.Zero)
     A, B = (f.jacobian(by).xreplace(zero) for by in (x, u))
-    return Stabilizability(
-        block.name, _names(x), _linearised(A, B), _brockett(f, x, u, A, B), _byrnes_isidori(f, x, u, zero)
-    )
+    sampled = block.period > 0.0
+    theorem = NOT_CONTINUOUS if sampled else _byrnes_isidori(f, x, u, zero)
+    linear = _linearised(A + sp.eye(len(x)) if sampled else A, B)
+    return Stabilizability(block.name, _names(x), linear, _brockett(f, x, u, A, B), theorem, sampled)
 
 
 def _exact(block: Block, states: Sequence[str] | None) -> tuple[list[sp.Symbol], list[sp.Symbol], sp.Matrix]:

@@ -8,17 +8,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import cont2discrete
 
 from hovercontrol.controllers import operating_point
 from hovercontrol.controllers.friction_feedforward import Friction, frictions_at_rest
 from hovercontrol.controllers.reduction import closure, eliminated
 from hovercontrol.controllers.state_names import StateNames, is_angle
-from hovercontrol.core.arguments import whole_periods
 from hovercontrol.core.block import Block
+from hovercontrol.core.linear_systems import over_period
 from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError, did_you_mean
-from hovercontrol.io.tables import positive
 from hovercontrol.targets.friction_slopes import Point, Slope
 
 if TYPE_CHECKING:
@@ -109,16 +107,7 @@ class Design:
         if period is None:
             return self
         acting = np.hstack([self.B, self.E])
-        positive(f"{where}: period", period)
-        if self.period:
-            # x(k + N) = A^N x(k) + (A^(N-1) + ... + I) B u
-            steps = whole_periods(f"{where}: period", period, self.period)
-            one, n = np.eye(acting.shape[1]), len(self.A)
-            whole = np.block([[self.A, acting], [np.zeros((len(one), n)), one]])
-            whole = np.linalg.matrix_power(whole, steps)
-            A, acting = whole[:n, :n], whole[:n, n:]
-        else:
-            A, acting, *_ = cont2discrete((self.A, acting, np.eye(len(acting)), 0.0 * acting), period)
+        A, acting = over_period(f"{where}: period", self.A, acting, self.period, period)
         m = len(self.inputs)
         return replace(self, A=A, B=acting[:, :m], E=acting[:, m:], period=period)
 

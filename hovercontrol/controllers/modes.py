@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from hovercontrol.core.growth import growth
+from hovercontrol.core.linear_systems import growth
 from hovercontrol.errors import InputError
 
 Array = NDArray[np.float64]

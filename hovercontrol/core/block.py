@@ -142,12 +142,7 @@ class Block(Backends):
             If the Block is sampled, or hybrid where that does not go.
         """
         if self.period:
-            raise InputError(
-                self.where(
-                    f"sampled every {self.period:g} s, it has no {what}: interconnect it with what it "
-                    "measures and drives"
-                )
-            )
+            raise InputError(self.where(f"sampled every {self.period:g} s, it has no {what}"))
         if not hybrid:
             self.need_no_ticks(what)
 

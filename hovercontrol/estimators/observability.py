@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.core.caller import caller_level
-from hovercontrol.core.growth import growth
+from hovercontrol.core.linear_systems import growth
 from hovercontrol.core.singular import finite_jacobian
 from hovercontrol.errors import InputError, did_you_mean, shown
 from hovercontrol.estimators.observable_subspace import (

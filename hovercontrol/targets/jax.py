@@ -110,7 +110,7 @@ class JaxFunctions:
         InputError
             If the Block is sampled (see :meth:`next`), inputs act late, or a shape is wrong.
         """
-        self.block.need_continuous("derivatives")
+        self.block.need_continuous("derivatives, but next values: next(t, x, u, p)")
         return self._stacked("derivatives", t, x, u, p)
 
     def next(self, t: Any, x: Any, u: Any = (), p: Any = None) -> Any:

@@ -143,9 +143,11 @@ def test_bad_input_is_refused(call, line):
         call()
 
 
-def test_a_law_that_ticks_is_refused():
+def test_a_law_that_ticks_with_the_packets_is_the_law_itself():
     v, a, k = Signal("v", "m/s"), Signal("a", "m/s^2"), Signal("k", "1/s", start=2.0)
     cart = Block("cart", [v], [a], [v], derivatives={"v": a.symbol})
-    law = Block("law", [], [v], [a], [k], output_expressions={"a": -k.symbol * v.symbol}, period=0.1)
-    with pytest.raises(InputError, match="packet loop: expected a continuous loop"):
-        packet_loop([cart, law], "a", period=0.1)
+    law = {"a": -k.symbol * v.symbol}
+    blocks = [Block("law", [], [v], [a], [k], output_expressions=law, period=period) for period in (0.0, 0.1)]
+    plain, ticking = (packet_loop([cart, block], "a", period=0.2) for block in blocks)
+    for lost in (0.0, 0.3, 0.8):
+        assert ticking.growth(lost) == pytest.approx(plain.growth(lost))
