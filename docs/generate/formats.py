@@ -27,7 +27,11 @@ ABOUT = {
     "sweep": ("A sweep as JSON", "What `hovercontrol sweep --json` prints; also of an FMU."),
     "monitor": (
         "result.json of a monitor",
-        "What `hovercontrol monitor` found; its `alarms` are the lines of `--follow`.",
+        "What `hovercontrol monitor` found.",
+    ),
+    "monitor_event": (
+        "A line of monitor --follow",
+        "What `hovercontrol monitor --follow` prints while a log grows: alarms, and faults of its rows.",
     ),
 }
 

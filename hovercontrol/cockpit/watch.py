@@ -16,7 +16,7 @@ from hovercontrol.models.model import Model
 from hovercontrol.monitor.alarms import Alarm, Alarms
 from hovercontrol.monitor.feed import Feed, Tick
 from hovercontrol.monitor.monitor import monitor
-from hovercontrol.monitor.replay import alarm_json, settle, threshold_of
+from hovercontrol.monitor.replay import alarm_json, said, threshold_of
 
 #: Period of the monitor [s].
 PERIOD = 0.02
@@ -116,12 +116,10 @@ class Watch:
         if abs((time - self._begun) / PERIOD - round((time - self._begun) / PERIOD)) > 1e-3:
             return
         seen = {k: signals[k] + std * self._random.normal() for k, std in NOISE.items()}
-        for tick in self._feed.rows(time, {**seen, **{k: signals[k] for k in self._feed.commands}}):
-            self._last = tick
-            for event, alarm in self._alarms.tick(tick):
-                settle(self._feed, self._alarms, event, alarm)
-            if self._alarms.reset_due:
-                self._feed.reset()
+        for one in self._feed.rows(time, {**seen, **{k: signals[k] for k in self._feed.commands}}):
+            self._last = one if isinstance(one, Tick) else self._last
+            for _ in said(self._feed, self._alarms, one):
+                pass
 
     def state(self) -> dict[str, Any]:
         """Return what the page shows: present finding, earlier ones, evidence and threshold."""

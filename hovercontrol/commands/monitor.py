@@ -63,8 +63,9 @@ def monitor(
         bool,
         typer.Option(
             "--follow",
-            help="Read LOG line by line while it grows; each alarm is one JSON line. Needs --sound. Ends "
-            "with standard input, or by Ctrl-C.",
+            help="Read LOG line by line while it grows; each alarm and each fault of the rows is one JSON "
+            "line ('hovercontrol schema monitor_event'). Needs --sound. Ends with standard input, or by "
+            "Ctrl-C.",
         ),
     ] = False,
     columns: given.Columns = "",
@@ -90,8 +91,10 @@ def monitor(
         raise InputError("monitor: expected a log, or - with --follow for standard input")
     if out is not None:
         check_folder(out)
-    if follow and (out is not None or json or frame or bench or only_while):
-        raise InputError("monitor: --follow prints JSON lines: no --out, --json, --frame, --bench or --while")
+    if follow and (out is not None or json or frame or bench or only_while or trial):
+        raise InputError(
+            "monitor: --follow prints JSON lines: no --out, --json, --frame, --bench, --while or --trial"
+        )
     if not follow and log == "-":
         raise InputError("monitor: - is standard input: add --follow")
     if follow and sound is None:
@@ -137,7 +140,7 @@ def monitor(
             )
             files = found.save(out) if out is not None else []
     if follow:
-        return _follow(built, log, columns, hold)
+        return _follow(built, log, columns, hold, given.numbers(missing, "--missing"))
     if files or json:
         given.show(found.text(), files, out or Path(), found.to_json() if json else None)
     else:
@@ -145,16 +148,26 @@ def monitor(
     return 1 if found.alarms else 0
 
 
-def _follow(built: Built, log: str, columns: str, hold: float) -> int:
+def _follow(built: Built, log: str, columns: str, hold: float, missing: list[float]) -> int:
     """Print the events of a growing table; return 1 after an alarm."""
-    from hovercontrol.monitor.follow import follow, growing_lines, json_line, lines_of
+    from hovercontrol.monitor.follow import follow, json_line
+    from hovercontrol.monitor.lines import growing_lines, lines_of
 
     for note in built.notes:
         print(note, file=sys.stderr)
     lines = lines_of(sys.stdin) if log == "-" else growing_lines(Path(log))
     source = "standard input" if log == "-" else log
     alarms = 0
-    for event in follow(built.block, lines, given.pairs(columns), source, hold):
+    for event in follow(
+        built.block,
+        lines,
+        given.pairs(columns),
+        source,
+        hold,
+        missing=missing,
+        sizes=built.sizes,
+        step=built.step,
+    ):
         print(json_line(event), flush=True)
         alarms = event.get("alarms", alarms)
     return 1 if alarms else 0

@@ -17,8 +17,10 @@ def schema(
         str,
         typer.Argument(
             help="Format: result (of diagnose), fmu (diagnose of an FMU), monitor, simulation or sweep "
-            "(their results), model or scenario (TOML files).",
-            autocompletion=names.of("result", "fmu", "monitor", "simulation", "sweep", "model", "scenario"),
+            "(their results), monitor_event (a line of monitor --follow), model or scenario (TOML files).",
+            autocompletion=names.of(
+                "result", "fmu", "monitor", "monitor_event", "simulation", "sweep", "model", "scenario"
+            ),
         ),
     ],
 ) -> int:

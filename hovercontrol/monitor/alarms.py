@@ -12,7 +12,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from hovercontrol.core.block import Block
-from hovercontrol.monitor.feed import Tick, candidates_in, measured_of, unit_of
+from hovercontrol.monitor.feed import Tick, candidates_in, measured_of, parameter_of, unit_of
+from hovercontrol.monitor.notes import Note
 
 #: Time after an alarm for which evidence is collected before the tests restart [s].
 HOLD = 5.0
@@ -30,7 +31,7 @@ class Alarm:
     time : float
         When it was raised [s].
     name : str
-        Of the candidate, or of the channel of a dead sensor.
+        Of the candidate, or of the channel of a dead sensor or a lost command.
     kind : str
         ``"change"``, ``"bias"`` of a channel, or ``"dead"`` sensor.
     change, std : float
@@ -100,6 +101,8 @@ class Alarms:
         Candidates of the monitor.
     reset_due : bool
         Whether the tests must restart at the next tick.
+    silent : bool
+        Whether no rows come.
     """
 
     def __init__(self, block: Block, hold: float = HOLD) -> None:
@@ -111,12 +114,15 @@ class Alarms:
         self.open: Alarm | None = None
         self.reset_due = False
         self._dead: dict[str, int] = {}
-        after = [p.start for p in block.parameters if p.name.rpartition(".")[2] == "dead_after"]
-        self._silence = float(after[0]) if after else 0.0
+        self._silence = parameter_of(block, "dead_after")
+        self._time, self.silent = math.nan, False
 
     def tick(self, tick: Tick) -> Iterator[tuple[str, Alarm]]:
         """Take a tick; give events ``alarm``, ``named``, ``dead`` and ``back`` with their alarms."""
         restarting, self.reset_due = self.reset_due, False
+        if tick.begins:  # what was found before is not seen any more
+            yield from self.end(self._time)
+        self._time = tick.time
         yield from self._sensors(tick)
         if restarting:  # the outputs of this tick are still those before the restart
             return
@@ -155,6 +161,30 @@ class Alarms:
         self.found.append(now)
         yield "named", now
 
+    def quiet(self, time: float) -> Iterator[tuple[str, Alarm]]:
+        """Report that no rows come any more: every sensor is dead, until rows come again.
+
+        Parameters
+        ----------
+        time : float
+            Now, on the clock of the rows [s]; not a number before the first row.
+        """
+        self.silent = True
+        for name in self._measured:
+            if name not in self._dead:
+                yield self._died(name, time, self._time)
+
+    def heard(self) -> None:
+        """Report that rows come again: from the next tick on the samples decide."""
+        self.silent = False
+
+    def command(self, note: Note) -> Iterator[tuple[str, Alarm]]:
+        """Take a note; if a command is lost or back, give the event ``dead`` or ``back`` with its alarm."""
+        if note.event == "dead":
+            yield self._died(note.name, note.time, note.since)
+        elif note.event == "back":
+            yield self._returned(note.name, note.time)
+
     def took(self, alarm: Alarm, change: float) -> None:
         """Correct the size of an alarm to the change that was put into the monitor, within its bounds."""
         self.found = [replace(a, change=change) if a is alarm else a for a in self.found]
@@ -183,15 +213,20 @@ class Alarms:
         for name in self._measured:
             dead = tick.values[self._places[f"dead_{name}"]] > 0.5
             if dead and name not in self._dead:
-                self._dead[name] = len(self.found)
-                nan, since = math.nan, tick.time - self._silence
-                alarm = Alarm(tick.time, name, "dead", nan, nan, "", since, (), nan, tick.time)
-                self.found.append(alarm)
-                yield "dead", alarm
+                yield self._died(name, tick.time, tick.time - self._silence)
             elif dead:
                 k = self._dead[name]
                 self.found[k] = replace(self.found[k], last=tick.time)
-            elif name in self._dead:
-                k = self._dead.pop(name)
-                self.found[k] = replace(self.found[k], last=tick.time)
-                yield "back", self.found[k]
+            elif name in self._dead and name in tick.seen and not self.silent:
+                yield self._returned(name, tick.time)
+
+    def _died(self, name: str, time: float, since: float) -> tuple[str, Alarm]:
+        self._dead[name] = len(self.found)
+        nan = math.nan
+        self.found.append(Alarm(time, name, "dead", nan, nan, "", since, (), nan, time))
+        return "dead", self.found[-1]
+
+    def _returned(self, name: str, time: float) -> tuple[str, Alarm]:
+        k = self._dead.pop(name)
+        self.found[k] = replace(self.found[k], last=time)
+        return "back", self.found[k]

@@ -30,10 +30,16 @@ class Built:
     block : Block
     notes : tuple of str
         One line each.
+    sizes : dict of str to float
+        Largest absolute values of the measured channels and the commands in the log that the noise is from.
+    step : float
+        Median time between two of its rows [s].
     """
 
     block: Block
     notes: tuple[str, ...]
+    sizes: dict[str, float]
+    step: float
 
 
 def build(
@@ -97,7 +103,10 @@ def build(
     )
     report(1.0, "built")
     rate = f"threshold for {false_alarms_per_hour:g} false alarms an hour; a tick each {1e3 * period:.4g} ms"
-    return Built(block, tuple(line for line in (where, noise.text(), noise.misfit(), rate) if line))
+    notes = tuple(line for line in (where, noise.text(), noise.misfit(), rate) if line)
+    largest = {s.name: source.columns[s.name] for s in block.inputs if source.has(s.name)}
+    sizes = {name: float(np.nanmax(np.abs(column))) for name, column in largest.items()}
+    return Built(block, notes, {k: v for k, v in sizes.items() if v}, float(np.median(np.diff(source.time))))
 
 
 def channels_of(model: Craft, log: Log) -> list[str]:

@@ -1,13 +1,15 @@
 """Rows of a log to ticks of a monitor, one by one: a log that is read, or one that still grows.
 
 Row i belongs to the tick ``round((t_i - t_0)/T)`` of the period T. Ticks without a row are lost samples; of
-several rows at one tick each signal has the value nearest in time. Commands hold until the next one.
+several rows at one tick each signal has the value nearest in time. Commands hold until the next one. What the
+stamps of rows mean is decided by :mod:`.clock`, and which rows wait for their commands by :mod:`.commands`.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,9 +19,13 @@ from hovercontrol.core.block import Block
 from hovercontrol.effects import effect_class, effect_names
 from hovercontrol.effects.base import resolved_unit
 from hovercontrol.errors import InputError
+from hovercontrol.monitor.clock import Clock, Row
+from hovercontrol.monitor.commands import Commands
+from hovercontrol.monitor.notes import Note, Tally
+from hovercontrol.simulation.reasons import StoppedError
 
-#: Longest gap that is passed tick by tick [s]; after a longer one the monitor starts anew.
-LONGEST_GAP = 30.0
+#: A value that is this many times the largest of the sound log is damaged, or in another unit.
+FAR = 1000.0
 
 Array = NDArray[np.float64]
 
@@ -34,10 +40,16 @@ class Tick:
         Time of the tick [s], on the clock of the rows.
     values : ndarray
         Outputs of the monitor, in its order.
+    begins : bool
+        Whether the monitor has just started, or started anew.
+    seen : frozenset of str
+        Signals with a value at this tick.
     """
 
     time: float
     values: Array
+    begins: bool = False
+    seen: frozenset[str] = frozenset()
 
 
 class Feed:
@@ -47,19 +59,29 @@ class Feed:
     ----------
     block : Block
         From :func:`~hovercontrol.monitor.monitor.monitor`.
+    sizes : mapping of str to float, optional
+        Largest absolute values of signals in a sound log; values of more than :data:`FAR` times as much are
+        left out.
+    step : float, optional
+        Usual time between two rows [s] (default: the period).
 
     Attributes
     ----------
-    late : int
-        Rows left out because their time does not increase.
+    clock : Clock
+        It counts the rows left out because of their stamps, as ``clock.late.total``.
+    bad : Tally
+        Rows with values that are left out.
     restarts : int
-        Starts anew after a gap of more than :data:`LONGEST_GAP`.
+        Starts anew: after a gap of more than 30 s, when the clock begins again, when a lost command is back,
+        and when the equations of the monitor give no number.
     """
 
-    def __init__(self, block: Block) -> None:
+    def __init__(
+        self, block: Block, sizes: Mapping[str, float] | None = None, step: float | None = None
+    ) -> None:
         if not is_monitor(block):
             raise InputError(f"replay: {block.name!r} is not a monitor: expected a Block of hc.monitor")
-        self.block, self.late, self.restarts = block, 0, 0
+        self.block, self.bad, self.restarts = block, Tally(), 0
         self._compiled = block.compile()
         self._period = float(block.period or 0.0)
         inputs = [s.name for s in block.inputs]
@@ -69,6 +91,10 @@ class Feed:
         self.commands = [
             n for n in inputs if n not in self.measured and n not in self._fresh and n != "reset"
         ]
+        self.clock = Clock(self._period, step or self._period)
+        self.silence = parameter_of(block, "dead_after")
+        self._known = Commands(self.commands, self.silence + self._period)
+        self._farthest = {name: FAR * size for name, size in (sizes or {}).items()}
         self._commanded = set(self.commands)
         self._own = {key.rpartition(".")[2]: key for key in self._compiled.block.default_parameters}
         self._own = {n: self._own[n] for n in candidates_in(block) if n in self._own}
@@ -86,12 +112,13 @@ class Feed:
         }
         self._learnt: dict[str, float] = {}
         self._bias = dict.fromkeys(self.measured, 0.0)
-        self._last_row = -math.inf
         self._reset = False
         self._start_of: float | None = None
         self._rows: dict[str, tuple[float, float]] = {}
         self._later: dict[str, float] = {}
-        self._tick = 0
+        self._tick, self._begun = 0, False
+        with suppress(StoppedError):
+            self._compiled.start().step(None, self._period)  # builds what the first row would wait for
 
     def reset(self) -> None:
         """Restart the tests at the next tick."""
@@ -121,41 +148,67 @@ class Feed:
             self._runner.set(state={key: self._learnt[key]})
         return change
 
-    def rows(self, time: float, values: Mapping[str, float]) -> Iterator[Tick]:
-        """Take a row and give the ticks before it that are complete.
+    def rows(self, time: float, values: Mapping[str, float]) -> Iterator[Tick | Note]:
+        """Take a row; give the ticks before it that are complete, and notes on what is wrong with rows.
 
         Parameters
         ----------
         time : float
-            Of the row [s].
+            Its stamp [s]; a number.
         values : mapping of str to float
             Measured channels and commands by name; not a number where there is none.
         """
-        if not time > self._last_row:
-            self.late += 1
-            return
-        if self._start_of is not None and time - self._last_row > LONGEST_GAP:
-            yield from self.end()
+        far = [n for n, value in values.items() if abs(value) > self._farthest.get(n, math.inf)]
+        for name in far:
+            if count := self.bad.add(name):
+                size = self._farthest[name] / FAR
+                text = f"{name} = {values[name]:.4g}: over {FAR:g} times the {size:.4g} of the sound log"
+                yield Note("bad", f"{text}, so it is left out", self._time, count)
+        yield from self._take(self.clock.take(time, {**values, **dict.fromkeys(far, math.nan)}))
+
+    def end(self) -> Iterator[Tick | Note]:
+        """Give the ticks of the last rows."""
+        yield from self._take(self.clock.end())
+        for row in self._known.end():
+            yield from self._feed(row)
+        yield from self._finish()
+
+    @property
+    def _time(self) -> float:
+        return math.nan if self.clock.last is None else self.clock.last.time
+
+    def _take(self, rows: Iterable[Row | Note]) -> Iterator[Tick | Note]:
+        for placed in rows:
+            for row in self._known.take(placed) if isinstance(placed, Row) else (placed,):
+                if isinstance(row, Note):
+                    yield row
+                else:
+                    yield from self._feed(row)
+
+    def _feed(self, row: Row) -> Iterator[Tick | Note]:
+        if row.begins and self._begun:
+            yield from self._finish()
             self._start_of, self.restarts = None, self.restarts + 1
-        self._last_row = time
         if self._start_of is None:
-            self._begin(time, values)
+            self._begin(row.time, row.values)
         assert self._start_of is not None
-        tick = round((time - self._start_of) / self._period)
-        while self._tick < tick:
-            yield self._step()
-        away = abs(time - self._start_of - tick * self._period)
-        for name, value in values.items():
+        tick = round((row.time - self._start_of) / self._period)
+        while self._start_of is not None and self._tick < tick:
+            yield from self._step()
+        if self._start_of is None:  # the equations gave no number
+            yield from self._feed(row)
+            return
+        away = abs(row.time - self._start_of - tick * self._period)
+        for name, value in row.values.items():
             if math.isfinite(value):
                 if name in self._commanded:
                     self._later[name] = value
                 if name not in self._rows or away < self._rows[name][0]:
                     self._rows[name] = (away, value)
 
-    def end(self) -> Iterator[Tick]:
-        """Give the tick of the last row."""
+    def _finish(self) -> Iterator[Tick | Note]:
         if self._start_of is not None and self._rows:
-            yield self._step()
+            yield from self._step()
 
     def _begin(self, time: float, values: Mapping[str, float]) -> None:
         at = self._learnt | {
@@ -169,9 +222,9 @@ class Feed:
         for name, place in self._places.items():
             if name in self.measured and name in values and math.isfinite(values[name]):
                 self._held[place] = values[name] - self._bias[name]
-        self._runner = self._compiled.start(at, self._params)
+        self._runner, self._begun, self._first = self._compiled.start(at, self._params), True, True
 
-    def _step(self) -> Tick:
+    def _step(self) -> Iterator[Tick | Note]:
         for name, (_, value) in self._rows.items():
             if name in self._places:
                 self._held[self._places[name]] = value - self._bias.get(name, 0.0)
@@ -181,14 +234,25 @@ class Feed:
         self._held[self._places["reset"]] = float(self._reset)
         self._reset = False
         assert self._start_of is not None
-        self._runner.set(inputs=self._held)
-        values = self._runner.outputs
-        self._runner.step(None, self._period)
         time = self._start_of + self._tick * self._period
+        try:
+            self._runner.set(inputs=self._held)
+            values = self._runner.outputs
+            self._runner.step(None, self._period)
+            finite = not np.isnan(values).any()
+        except StoppedError:
+            finite = False
         for name, value in self._later.items():
             self._held[self._places[name]] = value
+        seen = frozenset(self._rows)
         self._tick, self._rows, self._later = self._tick + 1, {}, {}
-        return Tick(time, values)
+        if finite:
+            begins, self._first = self._first, False
+            yield Tick(time, values, begins, seen)
+        else:
+            self._start_of, self.restarts = None, self.restarts + 1
+            text = "the equations of the monitor give no number: it starts anew"
+            yield Note("restart", text, time, self.restarts)
 
 
 def is_monitor(block: Block) -> bool:
@@ -222,3 +286,8 @@ def unit_of(block: Block, candidate: str) -> str:
                 except InputError:
                     return cls.numbers[key].unit
     return "1"
+
+
+def parameter_of(watch: Block, name: str) -> float:
+    """Return the value of one of a monitor's own parameters."""
+    return float(next(p.start for p in watch.parameters if p.name.rpartition(".")[2] == name))

@@ -5,181 +5,165 @@ from __future__ import annotations
 import json
 import math
 import time
-from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
-from typing import Any, TextIO
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any
 
 from hovercontrol.core.block import Block
-from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.errors import InputError
 from hovercontrol.io.plain_json import plain
-from hovercontrol.logs.column_units import column_of, conversion_to_si
-from hovercontrol.logs.readers.dialect import without_units
 from hovercontrol.monitor.alarms import Alarms
+from hovercontrol.monitor.clock import CHAIN
 from hovercontrol.monitor.feed import Feed, Tick
-from hovercontrol.monitor.replay import alarm_json, settle, threshold_of
+from hovercontrol.monitor.notes import Note
+from hovercontrol.monitor.replay import alarm_json, said, threshold_of
+from hovercontrol.monitor.rows import Rows
 
-#: Time between two looks at a file that does not grow [s].
-PAUSE = 0.05
-
-#: Rows without a number as time at the start after which the table is refused; a row of units is one.
-NO_TIME = 5
-
-#: Separators of columns, tried in this order.
-SEPARATORS = ("\t", ";", ",")
-
-
-class Rows:
-    """Rows of a table of text with a header, line by line.
-
-    Parameters
-    ----------
-    names : sequence of str
-        Signals to read; `time` is read as well.
-    columns : mapping of str to str
-        Column of the table for a signal, with its unit: as ``--columns``.
-    units : mapping of str to str
-        Units of the signals.
-    source : str
-        For error lines.
-
-    Attributes
-    ----------
-    bad : int
-        Rows left out because their time is not a number.
-    """
-
-    def __init__(
-        self, names: Sequence[str], columns: Mapping[str, str], units: Mapping[str, str], source: str
-    ) -> None:
-        self._names, self._columns, self._units = ["time", *names], columns, {"time": "s", **units}
-        self._source, self.bad = source, 0
-        self._places: dict[str, tuple[int, float, float]] = {}
-        self._begun = False
-
-    def row(self, line: str) -> tuple[float, dict[str, float]] | None:
-        """Return the time [s] and the signals of a line; None for the header, a comment or a bad row."""
-        line = line.strip().removeprefix("\ufeff")
-        if not line or line.startswith("#"):
-            return None
-        if not self._places:
-            self._header(line)
-            return None
-        cells = line.split(self._separator)
-        found = {}
-        for name, (place, factor, offset) in self._places.items():
-            try:
-                cell = cells[place] if self._separator == "," else cells[place].replace(",", ".")
-                found[name] = factor * float(cell) + offset
-            except (ValueError, IndexError):
-                found[name] = math.nan
-        when = found.pop("time")
-        if not math.isfinite(when):
-            self.bad += 1
-            if not self._begun and self.bad == NO_TIME:
-                raise InputError(
-                    f"{self._source}: first {NO_TIME} rows, time: expected a number, found {line[:40]!r}"
-                )
-            return None
-        self._begun = True
-        return when, found
-
-    def _header(self, line: str) -> None:
-        self._separator = next((s for s in SEPARATORS if s in line), ",")
-        given = [cell.strip().strip('"').strip() for cell in line.split(self._separator)]
-        header, units = without_units(given)
-        for name in self._names:
-            column, unit = column_of(self._columns[name], header) if name in self._columns else (name, "")
-            if column not in header:
-                raise InputError(
-                    f"{self._source}: no column {column!r} for {name!r} in its header"
-                    f"{did_you_mean(column, header)}"
-                )
-            unit = unit or units.get(column, "")
-            linear = conversion_to_si(name, unit, self._units.get(name, "")) if unit else (1.0, 0.0)
-            self._places[name] = (header.index(column), *linear)
-
-
-def lines_of(stream: TextIO) -> Iterator[str]:
-    """Give the lines of a stream as they come, to its end."""
-    yield from iter(stream.readline, "")
-
-
-def growing_lines(path: Path) -> Iterator[str]:
-    """Give the lines of a file and those appended to it, without end; an emptied file begins anew."""
-    part = ""
-    with path.open(encoding="utf-8", errors="replace", newline="") as file:
-        while True:
-            piece = file.readline()
-            if piece.endswith("\n"):
-                yield part + piece
-                part = ""
-            elif piece:
-                part += piece
-            else:
-                if path.exists() and path.stat().st_size < file.tell():
-                    file.seek(0)
-                    part = ""
-                time.sleep(PAUSE)
+Event = dict[str, Any]
 
 
 def follow(
-    watch: Block, lines: Iterator[str], columns: Mapping[str, str], source: str, hold: float
-) -> Iterator[dict[str, Any]]:
-    """Give events while rows come: ``start``, ``alarm``, ``named``, ``dead`` and ``back``.
+    watch: Block,
+    lines: Iterable[str | Note | None],
+    columns: Mapping[str, str],
+    source: str,
+    hold: float,
+    *,
+    missing: Sequence[float] = (),
+    sizes: Mapping[str, float] | None = None,
+    step: float | None = None,
+) -> Iterator[Event]:
+    """Give events while rows come; ``hovercontrol schema monitor_event`` lists them.
 
     Parameters
     ----------
     watch : Block
         A monitor.
-    lines : iterator of str
-        Of a table with a header.
+    lines : iterable of str, Note or None
+        Of a table with a header; None while no line comes.
     columns : mapping of str to str
         As ``--columns``.
     source : str
         For error lines.
     hold : float
         Time after an alarm for which evidence is collected [s].
+    missing : sequence of float, optional
+        Numbers that stand for a missing value.
+    sizes, step : optional
+        As for :class:`~hovercontrol.monitor.feed.Feed`.
+
+    Raises
+    ------
+    InputError
+        If there is no header with the columns, or no row that can be used.
     """
-    feed, alarms = Feed(watch), Alarms(watch, hold)
-    inputs = [*feed.measured, *feed.commands]
-    rows = Rows(inputs, columns, {s.name: s.unit for s in watch.inputs}, source)
+    one = _Following(watch, columns, source, hold, missing, sizes, step)
     yield {
         "event": "start",
         "monitor": watch.name,
-        "columns": ["time", *inputs],
-        "candidates": list(alarms.names),
+        "columns": ["time", *one.inputs],
+        "candidates": list(one.alarms.names),
         "period": watch.period,
         "threshold": threshold_of(watch),
     }
-    last: Tick | None = None
     try:
         for line in lines:
-            row = rows.row(line)
-            if row is None:
-                continue
-            for last in feed.rows(*row):
-                yield from _events(feed, alarms, last)
+            yield from one.take(line)
+        one.check()
     except KeyboardInterrupt:
         pass
-    for last in feed.end():
-        yield from _events(feed, alarms, last)
-    if last is not None:
-        for event, alarm in alarms.end(last.time):
-            yield {"event": event, **alarm_json(alarm)}
-    yield {
-        "event": "end",
-        "alarms": len(alarms.found),
-        "late_rows": feed.late,
-        "bad_rows": rows.bad,
-        "restarts": feed.restarts,
-    }
+    yield from one.end()
 
 
-def _events(feed: Feed, alarms: Alarms, tick: Tick) -> Iterator[dict[str, Any]]:
-    for event, alarm in alarms.tick(tick):
-        yield {"event": event, **alarm_json(settle(feed, alarms, event, alarm))}
-    if alarms.reset_due:
-        feed.reset()
+class _Following:
+    """A monitor fed with lines."""
+
+    def __init__(
+        self,
+        watch: Block,
+        columns: Mapping[str, str],
+        source: str,
+        hold: float,
+        missing: Sequence[float],
+        sizes: Mapping[str, float] | None,
+        step: float | None,
+    ) -> None:
+        self.feed, self.alarms = Feed(watch, sizes, step), Alarms(watch, hold)
+        self.inputs = [*self.feed.measured, *self.feed.commands]
+        units = {s.name: s.unit for s in watch.inputs}
+        self._rows = Rows(self.inputs, columns, units, source, missing)
+        self._source = source
+        self._last: Tick | None = None
+        self._step = step or float(watch.period or 0.0)
+        self._patience = self.feed.silence + CHAIN * self._step
+        self._heard, self._unused = time.monotonic(), 0
+
+    def take(self, line: str | Note | None) -> Iterator[Event]:
+        """Take a line, or that none came; give what there is to say."""
+        before = self.feed.clock.last
+        for found in self._rows.take(line) if isinstance(line, str) else (line,):
+            if isinstance(found, Note):
+                yield note_json(found)
+            elif found is not None:
+                self.feed.clock.in_seconds = self._rows.in_seconds
+                yield from self._say(self.feed.rows(*found))
+        if self.feed.clock.last is not before:
+            self._heard, self._unused = time.monotonic(), 0
+        else:
+            self._unused += isinstance(line, str)
+            yield from self._wait()
+
+    def check(self) -> None:
+        """Raise if the table ended without a header, or all of its rows were left out."""
+        self._rows.end()
+        if self.feed.clock.last is None and (self.bad or self.feed.clock.late.total):
+            raise InputError(
+                f"{self._source}: no row can be used: {self.bad} are damaged, and the times of "
+                f"{self.feed.clock.late.total} do not go on"
+            )
+
+    @property
+    def bad(self) -> int:
+        """Number of rows with values that are left out."""
+        return self._rows.bad.total + self.feed.bad.total
+
+    def end(self) -> Iterator[Event]:
+        """Give what is left, and the counts."""
+        yield from self._say(self.feed.end())
+        if self._last is not None:
+            for event, alarm in self.alarms.end(self._last.time):
+                yield {"event": event, **alarm_json(alarm)}
+        yield {
+            "event": "end",
+            "alarms": len(self.alarms.found),
+            "late_rows": self.feed.clock.late.total,
+            "bad_rows": self.bad,
+            "restarts": self.feed.restarts,
+        }
+
+    def _say(self, found: Iterable[Tick | Note]) -> Iterator[Event]:
+        ticks = False
+        for one in found:
+            for event, alarm in said(self.feed, self.alarms, one):
+                yield {"event": event, **alarm_json(alarm)}
+            if isinstance(one, Tick):
+                self._last, ticks = one, True
+            elif not one.name:
+                yield note_json(one)
+        if ticks:
+            self.alarms.heard()
+
+    def _wait(self) -> Iterator[Event]:
+        """Say that every sensor is dead if no row could be used for too long: by time, or by their number."""
+        passed = max(time.monotonic() - self._heard, self._unused * self._step)
+        if passed >= self._patience and not self.alarms.silent:
+            last = self.feed.clock.last
+            for event, alarm in self.alarms.quiet(math.nan if last is None else last.time + passed):
+                yield {"event": event, **alarm_json(alarm)}
+
+
+def note_json(note: Note) -> Event:
+    """Return a note for JSON."""
+    return {"event": note.event, "time": note.time, "text": note.text, "rows": note.rows}
 
 
 def json_line(event: Mapping[str, Any]) -> str:

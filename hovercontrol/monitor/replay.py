@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,7 +19,8 @@ from hovercontrol.io.pyplot import open_in_pyplot
 from hovercontrol.io.tables import positive
 from hovercontrol.logs.log import Log
 from hovercontrol.monitor.alarms import HOLD, Alarm, Alarms
-from hovercontrol.monitor.feed import LONGEST_GAP, Feed, Tick, candidates_in
+from hovercontrol.monitor.feed import Feed, Tick, candidates_in, parameter_of
+from hovercontrol.monitor.notes import Note
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -45,9 +46,9 @@ class Replayed:
     alarms : tuple of Alarm
         In the order of their times.
     late, restarts : int
-        Rows left out because their time does not increase; starts anew after gaps of more than 30 s.
+        Rows left out because of their times; starts anew, after gaps of more than 30 s for one.
     notes : tuple of str
-        Where the noise and the threshold come from, one line each.
+        Where the noise and the threshold come from, then what is wrong with the rows, one line each.
 
     Examples
     --------
@@ -78,12 +79,7 @@ class Replayed:
         """Return the timeline as plain text."""
         lines = list(self.notes)
         if self.late:
-            lines.append(f"{self.log}: {self.late} rows left out: their time does not increase")
-        if self.restarts:
-            lines.append(
-                f"{self.log}: gaps of more than {LONGEST_GAP:g} s: {self.restarts}; the monitor starts anew "
-                "after each"
-            )
+            lines.append(f"{self.log}: rows left out because of their times: {self.late}")
         if not self.alarms:
             lines.append(f"{self.log}: nothing changed in {self.seconds:.1f} s")
         for alarm in self.alarms:
@@ -239,23 +235,36 @@ def replay(
         )
     columns = [(name, log[name]) for name in names]
     ticks: list[Tick] = []
+    faults: list[Note] = []
+
+    def take(found: Iterable[Tick | Note]) -> None:
+        for one in found:
+            if isinstance(one, Tick):
+                ticks.append(one)
+            elif not one.name:
+                faults.append(one)
+            for _ in said(feed, alarms, one):
+                pass
+
     for k, time in enumerate(log.time.tolist()):
-        for tick in feed.rows(time, {name: float(column[k]) for name, column in columns}):
-            _take(feed, alarms, ticks, tick)
+        take(feed.rows(time, {name: float(column[k]) for name, column in columns}))
         if k % 500 == 0:
             report(k / log.time.size, "replaying")
-    for tick in feed.end():
-        _take(feed, alarms, ticks, tick)
+    take(feed.end())
     if ticks:
         list(alarms.end(ticks[-1].time))
     report(1.0, "done")
-    return _replayed(watch, log.name, feed, alarms, ticks, notes)
+    lines = [*notes, *(f"{log.name}: {note.text}" for note in faults if note.rows < 2)]
+    return _replayed(watch, log.name, feed, alarms, ticks, lines)
 
 
-def _take(feed: Feed, alarms: Alarms, ticks: list[Tick], tick: Tick) -> None:
-    ticks.append(tick)
-    for event, alarm in alarms.tick(tick):
-        settle(feed, alarms, event, alarm)
+def said(feed: Feed, alarms: Alarms, one: Tick | Note) -> Iterator[tuple[str, Alarm]]:
+    """Give the events of a tick, or of a note on a command; restart the tests after an alarm."""
+    if isinstance(one, Note):
+        yield from alarms.command(one)
+        return
+    for event, alarm in alarms.tick(one):
+        yield event, settle(feed, alarms, event, alarm)
     if alarms.reset_due:
         feed.reset()
 
@@ -282,7 +291,7 @@ def _replayed(
         {name: values[:, outputs.index(f"evidence_{name}")] for name in candidates_in(watch)},
         threshold_of(watch),
         tuple(sorted(alarms.found, key=lambda a: a.time)),
-        feed.late,
+        feed.clock.late.total,
         feed.restarts,
         tuple(notes),
     )
@@ -291,8 +300,3 @@ def _replayed(
 def threshold_of(watch: Block) -> float:
     """Return the threshold of the evidence of a monitor."""
     return parameter_of(watch, "threshold")
-
-
-def parameter_of(watch: Block, name: str) -> float:
-    """Return the value of one of a monitor's own parameters."""
-    return float(next(p.start for p in watch.parameters if p.name.rpartition(".")[2] == name))

@@ -13,14 +13,14 @@ from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.schema.fmu import fmu_schema
 from hovercontrol.schema.model import model_schema
-from hovercontrol.schema.monitor import monitor_schema
+from hovercontrol.schema.monitor import monitor_event_schema, monitor_schema
 from hovercontrol.schema.result import result_schema
 from hovercontrol.schema.runs import simulation_schema, sweep_schema
 from hovercontrol.schema.scenario import scenario_schema
 
 __all__ = [
     "KINDS", "schema", "model_schema", "scenario_schema", "result_schema", "fmu_schema", "monitor_schema",
-    "simulation_schema", "sweep_schema",
+    "monitor_event_schema", "simulation_schema", "sweep_schema",
 ]  # fmt: skip
 
 #: Of each kind of file its schema.
@@ -28,6 +28,7 @@ KINDS: dict[str, Callable[[], dict[str, Any]]] = {
     "result": result_schema,
     "fmu": fmu_schema,
     "monitor": monitor_schema,
+    "monitor_event": monitor_event_schema,
     "simulation": simulation_schema,
     "sweep": sweep_schema,
     "model": model_schema,
@@ -41,7 +42,7 @@ def schema(kind: str) -> dict[str, Any]:
 
     Parameters
     ----------
-    kind : {"result", "fmu", "monitor", "simulation", "sweep", "model", "scenario"}
+    kind : {"result", "fmu", "monitor", "monitor_event", "simulation", "sweep", "model", "scenario"}
 
     Raises
     ------

@@ -1,6 +1,5 @@
 """``hovercontrol monitor``: a log is replayed, a pipe is followed, wrong input ends in one line."""
 
-import io
 import json
 import os
 import signal
@@ -83,8 +82,9 @@ def test_without_a_sound_log_the_noise_is_that_of_the_first_part(call, folder):
 
 
 def test_standard_input_is_followed_line_by_line(call, folder, monkeypatch):
-    monkeypatch.setattr("sys.stdin", io.StringIO((folder / "drag.csv").read_text()))
-    done = call("monitor", "-", "--follow", *OPTIONS, cwd=folder)
+    with (folder / "drag.csv").open() as pipe:
+        monkeypatch.setattr("sys.stdin", pipe)
+        done = call("monitor", "-", "--follow", *OPTIONS, cwd=folder)
     events = [json.loads(line) for line in done.stdout.splitlines()]
     assert [e["event"] for e in events] == ["start", "alarm", "named", "end"] and done.returncode == 1
     assert events[2]["name"] == "c" and 20.0 < events[1]["time"] < 23.0

@@ -49,12 +49,12 @@ def test_a_change_of_an_uncertain_coefficient_is_put_into_its_estimate():
     )  # fmt: skip
     feed = Feed(block)
     place = [s.description for s in feed._compiled.block.states].index("estimate of c")
-    rows = [{"v": 0.01 * k, "F": 0.1} for k in range(4)]
-    list(feed.rows(0.0, rows[0]))
-    list(feed.rows(PERIOD, rows[1]))
+    rows = [{"v": 0.01 * k, "F": 0.1} for k in range(5)]
+    for k in range(4):
+        list(feed.rows(k * PERIOD, rows[k]))
     before = float(feed._runner.state[place])
     assert feed.adopt("c", 0.3) == 0.3
-    list(feed.rows(2 * PERIOD, rows[2]))
+    list(feed.rows(4 * PERIOD, rows[4]))
     assert float(feed._runner.state[place]) == pytest.approx(before + 0.3, abs=0.02)
 
 

@@ -230,16 +230,16 @@ def _with(dialect: Dialect, lines: Sequence[str]) -> Dialect | None:
             rows.append((k, comment, cells))
     for at, (header, comment, names) in enumerate(rows):
         below = [row for row in rows[at + 1 : at + 60] if not row[1]]
-        if not _is_header(names, least=2 if dialect.separator != "," else 1) or not below:
+        if not is_header(names, least=2 if dialect.separator != "," else 1) or not below:
             continue
-        units = tuple(_bare(cell) for cell in below[0][2]) if _is_units(names, below[0][2]) else ()
+        units = units_below(names, below[0][2])
         data = below[1:] if units else below
         if not data:
             continue
         width = len(data[0][2])
         trailing = width == len(names) + 1 and not data[0][2][-1]
         if comment and any(
-            len(cells) == width and _is_header(cells) for _, c, cells in rows[at + 1 :] if not c
+            len(cells) == width and is_header(cells) for _, c, cells in rows[at + 1 :] if not c
         ):
             continue  # a header that is no comment follows
         alike = sum(len(row[2]) == width for row in data)
@@ -265,7 +265,8 @@ def _with(dialect: Dialect, lines: Sequence[str]) -> Dialect | None:
     return None
 
 
-def _is_header(cells: Sequence[str], least: int = 2) -> bool:
+def is_header(cells: Sequence[str], least: int = 2) -> bool:
+    """Return whether cells are names: at least half of them are not empty, and none is a number."""
     named = [cell for cell in cells if cell]
     numbers = any(_POINT.fullmatch(cell) or _COMMA.fullmatch(cell) or _DATE.fullmatch(cell) for cell in named)
     return len(cells) >= least and 2 * len(named) >= len(cells) and not numbers
@@ -276,11 +277,18 @@ def _is_data(cells: Sequence[str], separator: str) -> bool:
     return bool(numbers) and 2 * len(numbers) >= len([cell for cell in cells if cell])
 
 
-def _is_units(names: Sequence[str], cells: Sequence[str]) -> bool:
-    """Return whether the line below a header contains units."""
-    if len(cells) != len(names) or all(_bare(cell).lower() in _NO_UNIT for cell in cells):
-        return False
-    return all(_is_unit(cell) for cell in cells)
+def units_below(names: Sequence[str], cells: Sequence[str]) -> tuple[str, ...]:
+    """Return the units in the line below a header; none if it does not contain units.
+
+    Examples
+    --------
+    >>> units_below(["t", "x", "run"], ["ms", "[mm]", "-"]), units_below(["t", "x"], ["0", "1"])
+    (('ms', 'mm', ''), ())
+    """
+    bare = tuple(_bare(cell) for cell in cells)
+    if len(cells) != len(names) or all(unit.lower() in _NO_UNIT for unit in bare):
+        return ()
+    return bare if all(_is_unit(cell) for cell in cells) else ()
 
 
 def _bare(cell: str) -> str:
