@@ -1,8 +1,12 @@
-"""The ideal and the real loop of a craft, each built on first use in a separate thread."""
+"""The ideal and the real loop of a craft, and its monitor, each built on first use in a separate thread."""
 
 from __future__ import annotations
 
 import asyncio
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+from typing import TypeVar
 
 from hovercontrol.cockpit.loop import Loop
 from hovercontrol.cockpit.orders import Flown
@@ -11,6 +15,8 @@ from hovercontrol.cockpit.real_loop import RealLoop
 from hovercontrol.cockpit.watch import Watch, watch_block
 from hovercontrol.errors import InputError, did_you_mean, shown
 from hovercontrol.models.model import Model
+
+T = TypeVar("T")
 
 LOOPS: dict[str, type[Loop] | type[RealLoop]] = {"ideal": Loop, "real": RealLoop}
 
@@ -65,13 +71,13 @@ class Loops:
         if kind not in self._known:
             self.building = True
             try:
-                self._known[kind] = await asyncio.to_thread(loop_of, kind, self._model)
+                self._known[kind] = await built(lambda: loop_of(kind, self._model))
             finally:
                 self.building = False
         self._pacer.fly(self._known[kind])
 
     async def watch(self) -> None:
-        """Let a monitor watch the present loop; time stands still while it is built.
+        """Let a monitor watch the present loop, once it is built; time goes on meanwhile.
 
         Raises
         ------
@@ -80,7 +86,30 @@ class Loops:
         """
         self.building = True
         try:
-            watch = await asyncio.to_thread(lambda: Watch(watch_block(self._pacer.loop.model)))
+            watch = await built(lambda: Watch(watch_block(self._pacer.loop.model)))
         finally:
             self.building = False
         self._pacer.monitor(watch)
+
+
+async def built(make: Callable[[], T]) -> T:
+    """Return what a function makes in a thread of its own; the end of the process does not wait for it."""
+    loop = asyncio.get_running_loop()
+    done: asyncio.Future[T] = loop.create_future()
+
+    def finish(set_: Callable[[T], None] | Callable[[Exception], None], found: T | Exception) -> None:
+        if not done.done():  # it may be cancelled
+            set_(found)  # type: ignore[arg-type]
+
+    def work() -> None:
+        set_: Callable[[T], None] | Callable[[Exception], None]
+        found: T | Exception
+        try:
+            set_, found = done.set_result, make()
+        except Exception as error:
+            set_, found = done.set_exception, error
+        with suppress(RuntimeError):  # the loop of events has ended
+            loop.call_soon_threadsafe(finish, set_, found)
+
+    threading.Thread(target=work, name="cockpit: building", daemon=True).start()
+    return await done

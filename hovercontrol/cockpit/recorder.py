@@ -12,11 +12,14 @@ from types import MappingProxyType
 import numpy as np
 
 from hovercontrol.errors import InputError
-from hovercontrol.io.files import write_new
+from hovercontrol.io.files import refusals, write_new
 from hovercontrol.logs import POSE, VELOCITY, Log
 
 #: Longest recording [s].
 LONGEST = 3600.0
+
+#: Said of a recording with fewer than two rows.
+NOTHING = "nothing was recorded: expected a recording while time goes on"
 
 _NAME = re.compile(r"pilot-(\d+)\.csv")
 
@@ -52,6 +55,11 @@ class Recorder:
         self._rows.append([*row, *(signals[name] for name in self._more)])
 
     @property
+    def empty(self) -> bool:
+        """Whether there are fewer than two rows."""
+        return len(self._rows) < 2
+
+    @property
     def seconds(self) -> float:
         """Length of the recording [s]."""
         return self._rows[-1][0] - self._rows[0][0] if self._rows else 0.0
@@ -64,8 +72,8 @@ class Recorder:
         InputError
             If it has fewer than two rows.
         """
-        if len(self._rows) < 2:
-            raise InputError("nothing was recorded: expected a recording while time goes on")
+        if self.empty:
+            raise InputError(NOTHING)
         columns = dict(zip(self.names, np.array(self._rows).T, strict=True))
         return Log(name, columns.pop("time"), columns)
 
@@ -77,7 +85,9 @@ class Recorder:
         InputError
             If there is nothing to save, or the folder cannot be written.
         """
-        taken = [int(found[1]) for found in map(_NAME.fullmatch, names_in(folder)) if found]
+        with refusals(folder):
+            names = names_in(folder)
+        taken = [int(found[1]) for found in map(_NAME.fullmatch, names) if found]
         for number in itertools.count(max(taken, default=0) + 1):
             path = folder / f"pilot-{number:03d}.csv"
             if write_new(path, self.log(path.name).save):

@@ -22,8 +22,12 @@ from hovercontrol.cockpit.guard import guard
 from hovercontrol.cockpit.loops import LOOPS, Loops
 from hovercontrol.cockpit.messages import check_message
 from hovercontrol.cockpit.pacer import Pacer
+from hovercontrol.cockpit.recorder import NOTHING, Recorder
 from hovercontrol.cockpit.shelf import Shelf
 from hovercontrol.errors import InputError, did_you_mean, one_line, shown
+
+#: Time after which a recording that could not be written is tried again [s].
+TRY_AGAIN = 10.0
 
 #: Largest log that the page may send [bytes].
 LARGEST_UPLOAD = 64 * 2**20
@@ -32,7 +36,7 @@ _SILENT = logging.getLogger(f"{__name__}.requests")
 _SILENT.addHandler(logging.NullHandler())
 _SILENT.propagate = False
 
-_TYPES = {"html": "text/html", "css": "text/css", "js": "text/javascript", "svg": "image/svg+xml"}
+_TYPES = {".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml"}
 
 
 class Console:
@@ -49,6 +53,8 @@ class Console:
     ----------
     saved : list of str
         Names of the saved recordings.
+    unsaved : list of Recorder
+        Finished recordings that could not be written yet.
     """
 
     def __init__(self, pacer: Pacer, folder: Path, replay: Path | None = None) -> None:
@@ -56,6 +62,13 @@ class Console:
         self.watchers: dict[web.WebSocketResponse, asyncio.Event] = {}
         self.pilot: web.WebSocketResponse | None = None
         self.saved: list[str] = []
+        self.unsaved: list[Recorder] = []
+        self._saving = asyncio.Lock()
+        self._next_try = 0.0
+        folder_of_page = resources.files("hovercontrol.cockpit") / "page"
+        self._files = {
+            file.name: file for file in folder_of_page.iterdir() if Path(file.name).suffix in _TYPES
+        }
         self._flown = False
         self._switching: asyncio.Task[None] | None = None
 
@@ -86,7 +99,7 @@ class Console:
         await asyncio.to_thread(self.pacer.stop)
         self.pacer.listeners.remove(tell)
         self.pacer.record(False)
-        await self._save_finished()
+        await self._save_finished(last=True)
         for socket_ in list(self.watchers):
             await socket_.close(code=1001, message=b"the server has ended")
 
@@ -98,11 +111,10 @@ class Console:
 
     async def _page(self, request: web.Request) -> web.Response:
         name = request.match_info.get("name", "index.html")
-        file = resources.files("hovercontrol.cockpit") / "page" / name
-        kind = _TYPES.get(name.rpartition(".")[2])
-        if kind is None or not file.is_file():
-            raise web.HTTPNotFound(text=f"404: there is no {name}\n")
-        return web.Response(body=file.read_bytes(), content_type=kind, charset="utf-8")
+        if name not in self._files:  # the page's own files, whatever path a name leads to
+            raise web.HTTPNotFound(text=f"404: there is no {shown(name)}\n")
+        kind = _TYPES[Path(name).suffix]
+        return web.Response(body=self._files[name].read_bytes(), content_type=kind, charset="utf-8")
 
     # ---- frames and orders ---------------------------------------------------------------------------
 
@@ -213,17 +225,13 @@ class Console:
         self._switching = asyncio.create_task(self._watch(talk))
 
     async def _watch(self, talk: web.WebSocketResponse) -> None:
-        paused = self.pacer.state["paused"]
         try:
-            self.pacer.pause(True)
             news = "Building the monitor: half a minute, more the first time."
             await talk.send_json({"news": news, "wait": True})
             await self.loops.watch()
             await self._tell_all({"news": "The monitor watches."})
         except (InputError, RuntimeError) as error:
             await self._tell_all({"error": one_line(error, 300)})
-        finally:
-            self.pacer.pause(paused)
 
     async def _tell_all(self, news: dict[str, Any]) -> None:
         for talk in list(self.watchers):
@@ -238,15 +246,26 @@ class Console:
             self._flown = True
             self.pacer.pause(self.shelf.replay is not None)
 
-    async def _save_finished(self) -> None:
-        for recording in self.pacer.finished():
-            news: dict[str, Any] = {"seconds": recording.seconds}
-            try:
-                news["saved"] = (await asyncio.to_thread(recording.save, self.shelf.folder)).name
-                self.saved.append(news["saved"])
-            except InputError as error:
-                news = {"error": str(error)}
-            await self._tell_all(news)
+    async def _save_finished(self, *, last: bool = False) -> None:
+        """Save the finished recordings; one that cannot be written is kept, and tried again later."""
+        async with self._saving:
+            now, finished = asyncio.get_running_loop().time(), self.pacer.finished()
+            self.unsaved += [recording for recording in finished if not recording.empty]
+            if any(recording.empty for recording in finished):
+                await self._tell_all({"error": NOTHING})
+            if not (finished or last) and now < self._next_try:
+                return
+            for recording in list(self.unsaved):
+                try:
+                    name = (await asyncio.to_thread(recording.save, self.shelf.folder)).name
+                except InputError as error:
+                    self._next_try = now + TRY_AGAIN
+                    kept = f"the recording of {recording.seconds:.1f} s is kept, and tried again"
+                    await self._tell_all({"error": f"{error}; {kept}"})
+                    return
+                self.unsaved.remove(recording)
+                self.saved.append(name)
+                await self._tell_all({"seconds": recording.seconds, "saved": name})
 
 
 def _json(content: Any) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import secrets
 import sys
+import tempfile
 import threading
 import webbrowser
 from contextlib import suppress
@@ -95,6 +96,10 @@ def cockpit(
     console = Console(Pacer(flown), out, replay)
     with suppress(KeyboardInterrupt):  # where signals are exceptions
         asyncio.run(serve(console, listening, token, ready))
+    if console.unsaved:
+        kept = Path(tempfile.mkdtemp(prefix="hovercontrol-flights-"))
+        names = [recording.save(kept).name for recording in console.unsaved]
+        raise InputError(f"cockpit: {out} cannot be written: {', '.join(names)} is in {kept}")
     wrote = f"wrote {', '.join(console.saved)} to {out}" if console.saved else "nothing was recorded"
     print(f"ended; {wrote}")
     return 0

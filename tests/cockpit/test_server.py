@@ -1,12 +1,16 @@
 """The server of the cockpit: who may talk to it, what it tells and does, logs to look at again."""
 
 import asyncio
+import errno
 import json
 import os
 import socket
 import threading
+import time
 from contextlib import asynccontextmanager
 from functools import cache
+from importlib import resources
+from urllib.parse import quote
 
 import numpy as np
 import pyarrow.csv
@@ -14,6 +18,7 @@ import pyarrow.parquet
 import pytest
 from aiohttp import WSServerHandshakeError
 from aiohttp.test_utils import TestClient, TestServer
+from yarl import URL
 
 from hovercontrol.cockpit.guard import is_loopback
 from hovercontrol.cockpit.loop import Loop
@@ -111,8 +116,47 @@ async def test_the_page_and_its_parts_are_served_and_load_nothing_from_elsewhere
         part = await client.get(f"/page/{name}")
         assert part.status == 200, name
         assert "://" not in (await part.text()).replace('"wss" : "ws"}://${location.host}', ""), name
-    for name in ("nothing.js", "..%2Fserver.py", "%2e%2e/%2e%2e/cli.py"):
-        assert (await client.get(f"/page/{name}")).status == 404
+
+
+@pytest.mark.parametrize("suffix", ["html", "css", "js", "svg", "py"])
+def test_no_name_leads_to_a_file_that_is_not_the_pages_own(tmp_path, suffix):
+    """Files beside the page, above it and elsewhere, by every way of writing a path."""
+    secret = tmp_path / f"secret.{suffix}"
+    secret.write_text("42.4242")
+    page = resources.files("hovercontrol.cockpit") / "page"
+    up = os.path.relpath(secret, str(page))
+    paths = [
+        str(secret),
+        f"/{secret}",
+        up,
+        f"./{up}",
+        f"main.js/../{up}",
+        f"x/../{up}",
+        f"{up}\0.js",
+        f"{secret}\0",
+    ]
+    paths += ["..", ".", "", "../page/main.js", "./main.js", "main.js/", "main.js\0", "\0main.js", "MAIN.JS"]
+    own = [file.read_text(encoding="utf-8") for file in page.iterdir() if file.is_file()]
+    names = [way(path) for path in paths for way in (quoted, twice, backslashed, quote)]
+
+    async def ask(client, folder):
+        for name in dict.fromkeys(names):
+            answer = await client.get(URL(f"/page/{name}", encoded=True))
+            assert answer.status in (400, 404) or await answer.text() in own, name
+
+    asyncio.run(with_client(ask, tmp_path))
+
+
+def quoted(path):
+    return quote(path, safe="")
+
+
+def twice(path):
+    return quote(quote(path, safe=""), safe="")
+
+
+def backslashed(path):
+    return quote(path.replace("/", "\\"), safe="")
 
 
 @served
@@ -264,6 +308,72 @@ async def test_a_recording_is_saved_whole_listed_downloaded_and_shown(client, tm
     assert shown["columns"]["x"] == flown["x"].tolist() and shown["name"] == saved
     for name in ("nothing.csv", "..%2F..%2Fsecret.csv"):
         assert (await client.get(f"/logs/{name}")).status == 404
+
+
+def full_for(times, monkeypatch):
+    """Let the disk be full: the first times that a log is written, half of it is."""
+    save, left = Log.save, [times]
+
+    def write(log, path):
+        if left[0]:
+            left[0] -= 1
+            path.write_text("time,x")
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        save(log, path)
+
+    monkeypatch.setattr(Log, "save", write)
+
+
+def test_a_recording_that_meets_a_full_disk_is_kept_and_written_later(tmp_path, monkeypatch):
+    full_for(2, monkeypatch)
+    monkeypatch.setattr("hovercontrol.cockpit.server.TRY_AGAIN", 0.3)
+
+    async def fly(client, folder):
+        async with talking(client) as (talk, _):
+            await talk.send_json({"record": True})
+            await told(talk, lambda m: (m.get("recording") or 0) > 0.3)
+            await talk.send_json({"record": False})
+            said = (await told(talk, lambda m: "error" in m))["error"]
+            assert "No space left on device" in said and "is kept, and tried again" in said
+            assert list((folder / "flights").glob("*")) == []  # nothing half-written
+            saved = await told(talk, lambda m: "saved" in m)
+        assert saved["seconds"] > 0.3 and len(read_log(folder / "flights" / saved["saved"])) > 30
+
+    asyncio.run(with_client(fly, tmp_path))
+
+
+def test_a_recording_that_cannot_be_written_is_there_when_the_server_has_ended(tmp_path, monkeypatch):
+    full_for(100, monkeypatch)
+    consoles = []
+
+    async def fly():
+        console = Console(Pacer(shared()), tmp_path / "flights")
+        consoles.append(console)
+        async with TestClient(TestServer(console.application())) as client, talking(client) as (talk, _):
+            await talk.send_json({"record": True})
+            await told(talk, lambda m: (m.get("recording") or 0) > 0.2)
+
+    asyncio.run(fly())
+    (recording,) = consoles[0].unsaved
+    assert recording.seconds > 0.2 and not (tmp_path / "flights").exists()
+
+
+def test_the_server_ends_at_once_while_a_monitor_is_built(tmp_path, monkeypatch):
+    """The craft flies on meanwhile."""
+    end = threading.Event()
+    monkeypatch.setattr("hovercontrol.cockpit.loops.watch_block", lambda model: end.wait(60.0))
+
+    async def fly(client, folder):
+        async with talking(client) as (talk, _):
+            await talk.send_json({"monitor": True})
+            await told(talk, lambda m: "Building" in m.get("news", ""))
+            begun = (await told(talk, lambda m: "frame" in m))["signals"]["time"]
+            await told(talk, lambda m: m.get("signals", {}).get("time", 0.0) > begun + 0.3)
+
+    begin = time.monotonic()
+    asyncio.run(with_client(fly, tmp_path))
+    assert time.monotonic() - begin < 30.0
+    end.set()
 
 
 def test_a_recording_that_still_runs_is_saved_when_the_server_ends(tmp_path):
