@@ -191,14 +191,15 @@ class Feed:
             self._start_of, self.restarts = None, self.restarts + 1
         if self._start_of is None:
             self._begin(row.time, row.values)
-        assert self._start_of is not None
-        tick = round((row.time - self._start_of) / self._period)
-        while self._start_of is not None and self._tick < tick:
+        start = self._start_of
+        assert start is not None
+        tick = round((row.time - start) / self._period)
+        while self._start_of == start and self._tick < tick:
             yield from self._step()
-        if self._start_of is None:  # the equations gave no number
+        if self._start_of != start:  # the equations gave no number
             yield from self._feed(row)
             return
-        away = abs(row.time - self._start_of - tick * self._period)
+        away = abs(row.time - start - tick * self._period)
         for name, value in row.values.items():
             if math.isfinite(value):
                 if name in self._commanded:
@@ -244,11 +245,11 @@ class Feed:
             finite = False
         for name, value in self._later.items():
             self._held[self._places[name]] = value
-        seen = frozenset(self._rows)
+        there = frozenset(self._rows)
         self._tick, self._rows, self._later = self._tick + 1, {}, {}
         if finite:
             begins, self._first = self._first, False
-            yield Tick(time, values, begins, seen)
+            yield Tick(time, values, begins, there)
         else:
             self._start_of, self.restarts = None, self.restarts + 1
             text = "the equations of the monitor give no number: it starts anew"

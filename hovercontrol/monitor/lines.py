@@ -5,11 +5,13 @@ from __future__ import annotations
 import contextlib
 import os
 import queue
+import stat
 import threading
 import time
 from collections.abc import Iterator
+from io import FileIO
 from pathlib import Path
-from typing import BinaryIO, TextIO
+from typing import TextIO
 
 from hovercontrol.monitor.notes import Note
 
@@ -120,7 +122,7 @@ def growing_lines(path: Path) -> Iterator[str | Note | None]:
         file.close()
 
 
-def _goes_on(file: BinaryIO, seen: bytes) -> bool:
+def _goes_on(file: FileIO, seen: bytes) -> bool:
     """Return whether the bytes before the present place are still those that were read."""
     at = file.tell()
     file.seek(at - len(seen))
@@ -129,12 +131,10 @@ def _goes_on(file: BinaryIO, seen: bytes) -> bool:
     return same
 
 
-def _successor(path: Path, file: BinaryIO) -> BinaryIO | None:
+def _successor(path: Path, file: FileIO) -> FileIO | None:
     """Return the file that has the name now, if it is another one and has content."""
     with contextlib.suppress(OSError):
-        other = path.open("rb", buffering=0)
-        own, its = os.fstat(file.fileno()), os.fstat(other.fileno())
-        if its.st_size and not os.path.samestat(own, its):
-            return other
-        other.close()
+        own, its = os.fstat(file.fileno()), path.stat()
+        if stat.S_ISREG(its.st_mode) and its.st_size and not os.path.samestat(own, its):
+            return path.open("rb", buffering=0)
     return None
