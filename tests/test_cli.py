@@ -93,7 +93,10 @@ high = 0.001
         (["identify", "--sample", "--vehicle", "four_fan"], "no column 'rear_left'"),
         (["identify", "--sample", "--coefficients", "thrust,thrust"], "coefficient 'thrust' is named twice"),
         (["identify", "--sample", "--while", "time>50"], "time > 50 holds in no row"),
-        (["identify", "nothere.csv"], "nothere.csv: expected a log file, there is no such file"),
+        (
+            ["identify", "nothere.csv", "--vehicle", "c17_experiment"],
+            "nothere.csv: expected a log file, there is no such file",
+        ),
     ],
 )
 def test_wrong_input_is_one_line_with_status_2_and_nothing_written(call, tmp_path, args, said):
@@ -133,7 +136,7 @@ SAMPLE = sample_path().read_text().splitlines()
 )
 def test_a_wrong_log_is_one_line_with_file_and_row(call, tmp_path, change, said):
     (tmp_path / "mine.csv").write_text("\n".join(change(list(SAMPLE))) + "\n")
-    done = call("identify", "mine.csv", "--out", "out", cwd=tmp_path)
+    done = call("identify", "mine.csv", "--vehicle", "c17_experiment", "--out", "out", cwd=tmp_path)
     assert done.returncode == 2
     assert said in done.stderr and "mine.csv" in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
@@ -143,7 +146,7 @@ def test_a_wrong_log_is_one_line_with_file_and_row(call, tmp_path, change, said)
 @pytest.mark.parametrize("option", [[], ["--allow-gaps"]])
 def test_a_log_with_gaps_is_accepted_with_one_line(call, tmp_path, option):
     (tmp_path / "mine.csv").write_text("\n".join([*SAMPLE[:700], *SAMPLE[1000:1300], *SAMPLE[1313:]]) + "\n")
-    done = call("identify", "mine.csv", *option, "--out", "out", cwd=tmp_path)
+    done = call("identify", "mine.csv", "--vehicle", "c17_experiment", *option, "--out", "out", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     said = [line for line in done.stderr.splitlines() if line.startswith("warning")]
     assert said == [
@@ -160,7 +163,7 @@ def test_a_log_with_gaps_is_accepted_with_one_line(call, tmp_path, option):
 def test_a_training_log_under_another_spelling_is_no_hold_out(call, tmp_path, training, holdout):
     (tmp_path / "mine.csv").write_text("\n".join(SAMPLE) + "\n")
     (tmp_path / "out").mkdir()
-    done = call("identify", training, "--holdout", holdout, cwd=tmp_path)
+    done = call("identify", training, "--vehicle", "c17_experiment", "--holdout", holdout, cwd=tmp_path)
     assert done.returncode == 2
     assert f"{holdout} is given twice (as {training}); a held-out log must not be in the fit" in done.stderr
 
@@ -171,7 +174,7 @@ def test_a_rudder_in_degrees_is_one_line(call, tmp_path):
     for row in rows[1:]:
         row[at] = str(57.29577951 * float(row[at]))
     (tmp_path / "mine.csv").write_text("\n".join(",".join(row) for row in rows) + "\n")
-    done = call("identify", "mine.csv", "--out", "out", cwd=tmp_path)
+    done = call("identify", "mine.csv", "--vehicle", "c17_experiment", "--out", "out", cwd=tmp_path)
     assert done.returncode == 2 and len(done.stderr.strip().splitlines()) == 1
     assert "mine.csv: column 'rudder': expected -0.4538 to 0.4538 rad" in done.stderr
     assert "in degrees?" in done.stderr
@@ -183,7 +186,9 @@ def test_a_hold_out_predicted_worse_than_trivially_ends_with_status_1(call, tmp_
     (tmp_path / "a.csv").write_text("\n".join(SAMPLE[:1001]) + "\n")
     wrong = [",".join([*row[:4], *rows[k][4:]]) for k, row in enumerate(rows[1000:])]
     (tmp_path / "b.csv").write_text("\n".join([header, *wrong]) + "\n")
-    done = call("identify", "a.csv", "--holdout", "b.csv", "--out", "out", cwd=tmp_path)
+    done = call(
+        "identify", "a.csv", "--vehicle", "c17_experiment", "--holdout", "b.csv", "--out", "out", cwd=tmp_path
+    )
     assert done.returncode == 1, done.stderr
     assert "b: the model predicts" in done.stdout and "not excited" not in done.stdout
     assert "predicted worse 1 s ahead" in " ".join(call("identify", "--help").stdout.split())
@@ -206,3 +211,12 @@ def test_slips_with_files_are_told(call, tmp_path):
     ):
         done = call(*words, cwd=tmp_path)
         assert done.returncode == 2 and said in done.stderr and done.stderr.count("\n") == 1, done.stderr
+
+
+@pytest.mark.parametrize("command", ["identify", "diagnose", "monitor"])
+def test_a_users_log_is_read_for_no_craft_that_he_does_not_name(call, tmp_path, command):
+    (tmp_path / "mine.csv").write_text("\n".join(SAMPLE) + "\n")
+    done = call(command, "mine.csv", "--out", "out", cwd=tmp_path)
+    assert done.returncode == 2 and not (tmp_path / "out").exists()
+    assert done.stderr.startswith(f"hovercontrol: {command}: expected the model of the logs: --model FILE")
+    assert "--vehicle NAME: c17_simulation" in done.stderr and done.stderr.count("\n") == 1

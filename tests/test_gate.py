@@ -126,7 +126,7 @@ def sample(change):
 )
 def test_a_log(refuses, tmp_path, text, said):
     (tmp_path / "a.csv").write_text(text)
-    assert said in refuses("identify", "a.csv")
+    assert said in refuses("identify", "a.csv", "--vehicle", "c17_experiment")
 
 
 @pytest.mark.parametrize(
@@ -135,7 +135,7 @@ def test_a_log(refuses, tmp_path, text, said):
 def test_a_log_in_which_nothing_happens_is_a_finding_or_a_line(call, tmp_path, still):
     """Least squares without information once raised LinAlgError."""
     (tmp_path / "a.csv").write_text(sample(dict.fromkeys(still, "0")))
-    done = call("identify", "a.csv", "--out", "out", cwd=tmp_path)
+    done = call("identify", "a.csv", "--vehicle", "c17_experiment", "--out", "out", cwd=tmp_path)
     assert done.returncode in (1, 2), done.stderr
     assert "unexpected" not in done.stderr
 
@@ -156,7 +156,7 @@ def test_a_damaged_parquet_file(tmp_path):
 def test_a_circle_of_links(refuses, tmp_path):
     (tmp_path / "a.csv").symlink_to("b.csv")
     (tmp_path / "b.csv").symlink_to("a.csv")
-    assert "Too many levels of symbolic links" in refuses("identify", "a.csv")
+    assert "Too many levels of symbolic links" in refuses("identify", "a.csv", "--vehicle", "c17_experiment")
 
 
 def test_a_large_toml_file_is_not_read(tmp_path):

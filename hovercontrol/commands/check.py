@@ -15,7 +15,10 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from hovercontrol.fmi.replay.plant import FmuPlant
     from hovercontrol.logs import Log
+    from hovercontrol.models.blockmodel import BlockModel
+    from hovercontrol.models.model import Model
 
 #: Stamps that a clock moved by so much [s] still belong to a log.
 EDGE = 0.05
@@ -38,6 +41,7 @@ def check(
     params: given.Params = None,
     fit: given.Fit = "",
     columns: given.Columns = "",
+    period: given.Period = None,
     bench: given.Bench = None,
     bench_fans: given.BenchFans = 2,
     only_while: given.OnlyWhile = "",
@@ -68,13 +72,12 @@ def check(
         raise InputError("check: --params belongs to a model; expected --model or --vehicle as well")
     plant = given.fmu_of("check", model, fit, params)
     known = given.model_of("check", model, vehicle, params) if (model or vehicle) and not plant else None
-    signals = plant.inputs if plant else known.plant(late=True).inputs if known else ()
-    inputs = [s.name for s in signals]
-    if not columns and (topics := topics_of(logs, inputs, model, vehicle)):
+    subject = plant or known
+    if not columns and (topics := topics_of(logs, subject, model, vehicle)):
         print(topics)
         return 1
     read = given.reader(
-        plant or known, columns, bench, bench_fans, only_while, settle, frame, missing=missing, trial=trial
+        subject, columns, period, bench, bench_fans, only_while, settle, frame, missing=missing, trial=trial
     )
     with given.progress_bar("check", 1.0) as report:
         report(0.0, "reading logs")
@@ -89,11 +92,11 @@ def check(
                 unread.append(str(error))
                 wrong = error if isinstance(error, ArgumentError) else wrong
                 continue
-            written.append(stamps(name, every[-1], columns))
+            written.append(stamps(name, every[-1], columns, period))
         if wrong and not every:  # an option that fits none of the logs is at fault, not they
             raise wrong
         found = find(
-            plant or known,
+            subject,
             every,
             files=written,
             unread=unread,
@@ -105,17 +108,21 @@ def check(
     return 1 if found.negative else 0
 
 
-def topics_of(logs: list[str], inputs: list[str], model: str | None, vehicle: str | None) -> str:
+def topics_of(
+    logs: list[str], known: Model | BlockModel | FmuPlant | None, model: str | None, vehicle: str | None
+) -> str:
     """Return the topics of files that hold several, and proposals of ``--columns``; empty for others."""
     from hovercontrol.logs.gather import split_files
     from hovercontrol.logs.overview import overview
+    from hovercontrol.logs.wanted import Wanted
 
+    wanted = Wanted.of(given.readable_model(known), motion=known is None)
     options = f" --model {model}" if model else f" --vehicle {vehicle}" if vehicle else ""
     paths = dict.fromkeys(path for name in logs for path in split_files(name))
-    return "\n".join(text for path in paths if path.exists() and (text := overview(path, inputs, options)))
+    return "\n".join(text for path in paths if path.exists() and (text := overview(path, wanted, options)))
 
 
-def stamps(files: str, log: Log, columns: str) -> dict[str, NDArray[np.float64]]:
+def stamps(files: str, log: Log, columns: str, period: float | None = None) -> dict[str, NDArray[np.float64]]:
     """Return the time stamps of a log's files [s] as in the file, within the time of the log."""
     from hovercontrol.logs.gather import columns_by_file, split_files
     from hovercontrol.logs.join import measured_rows
@@ -126,6 +133,6 @@ def stamps(files: str, log: Log, columns: str) -> dict[str, NDArray[np.float64]]
         return {} if log.trials else {paths[0].name: log.time[measured_rows(log)]}
     found = {}
     for path, own in zip(paths, columns_by_file(paths, given.pairs(columns)), strict=True):
-        time = read_log(path, own, usecols=[]).on_clock_of(log).time
+        time = read_log(path, own, usecols=[], period=period).on_clock_of(log).time
         found[path.name] = time[(time >= log.time[0] - EDGE) & (time <= log.time[-1] + EDGE)]
     return {name: time for name, time in found.items() if time.size}

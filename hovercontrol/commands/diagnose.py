@@ -40,6 +40,7 @@ def diagnose(
         typer.Option(help="Seed of the random manoeuvres for the next experiment.", min=0),
     ] = 0,
     columns: given.Columns = "",
+    period: given.Period = None,
     bench: given.Bench = None,
     bench_fans: given.BenchFans = 2,
     only_while: given.OnlyWhile = "",
@@ -82,7 +83,7 @@ def diagnose(
         from hovercontrol.discrepancy.fmu import diagnose_fmu
 
         read = given.reader(
-            plant, columns, bench, bench_fans, only_while, settle, missing=missing, trial=trial
+            plant, columns, period, bench, bench_fans, only_while, settle, missing=missing, trial=trial
         )
         with given.progress_bar("diagnose", 1.0) as report:
             logs_, held_ = ([read(name) for name in group] for group in (logs, held))
@@ -98,7 +99,7 @@ def diagnose(
         if names and names.count(name) > 1:
             raise InputError(f"diagnose: --effects: {name!r} is given twice")
     read = given.reader(
-        lacks, columns, bench, bench_fans, only_while, settle, frame, missing=missing, trial=trial
+        lacks, columns, period, bench, bench_fans, only_while, settle, frame, missing=missing, trial=trial
     )
     with given.progress_bar("diagnose", 1.0) as report:
         report(0.0, "reading logs")

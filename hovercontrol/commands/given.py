@@ -79,7 +79,7 @@ Vehicle = Annotated[
     str | None,
     typer.Option(
         "--vehicle",
-        help="A built-in craft instead of --model (default: c17_experiment).",
+        help="A built-in craft instead of --model.",
         autocompletion=names.vehicles,
     ),
 ]
@@ -90,6 +90,10 @@ Columns = Annotated[
         help="Map file columns to signals: NAME=COLUMN[:UNIT]; a leading - of the unit flips the sign: "
         "time=stamp_ms:ms,rudder=servo:-deg,psi=qx,qy,qz,qw:z-up",
     ),
+]
+Period = Annotated[
+    float | None,
+    typer.Option("--period", help="Seconds between two rows of a log without a column of time: 0.01"),
 ]
 Bench = Annotated[
     Path | None, typer.Option("--bench", help="Bench table: column pwm_NAME becomes the force of input NAME.")
@@ -146,14 +150,14 @@ def model_of(
     command : str
         For error lines.
     model, vehicle : str, optional
-        Values of ``--model`` and ``--vehicle``; default: the vehicle c17_experiment.
+        Values of ``--model`` and ``--vehicle``, one of which must be given.
     params : path, optional
         A parameter file, whose values and effects replace the model's.
 
     Raises
     ------
     InputError
-        If both are given, either is unknown, or the parameters are of another model.
+        If none or both are given, one is unknown, or the parameters are of another model.
     """
     from hovercontrol.models.interface import as_model
     from hovercontrol.models.modelfile import load_model
@@ -161,11 +165,15 @@ def model_of(
 
     if model and vehicle:
         raise InputError(f"{command}: --model and --vehicle exclude each other")
-    own = from_users_file(model, params) if model else None
-    if own is not None:
-        return as_model(own)
-    found: Model | BlockModel = load_model(model) if model else known_vehicle(vehicle or "c17_experiment")
-    return _with(found, params)
+    if vehicle:
+        return _with(known_vehicle(vehicle), params)
+    if not model:
+        raise InputError(
+            f"{command}: expected the model of the logs: --model FILE (hovercontrol new writes one to "
+            f"start from), or --vehicle NAME: {', '.join(names.vehicles())}"
+        )
+    own = from_users_file(model, params)
+    return as_model(own) if own is not None else _with(load_model(model), params)
 
 
 def fmu_of(
@@ -302,9 +310,18 @@ def refuse_twice(command: str, names: Sequence[str], held: Sequence[str] = ()) -
         given[measured] = name
 
 
+def readable_model(model: Model | BlockModel | FmuPlant | None) -> Model | BlockModel | None:
+    """Return a model that logs can be read for: of an FMU the Block of its inputs and outputs."""
+    from hovercontrol.models.blockmodel import BlockModel
+    from hovercontrol.models.model import Model
+
+    return model if model is None or isinstance(model, Model | BlockModel) else BlockModel(model.reading)
+
+
 def reader(
     model: Model | BlockModel | FmuPlant | None,
     columns: str,
+    period: float | None,
     bench: Path | None,
     bench_fans: int,
     only_while: str,
@@ -317,10 +334,8 @@ def reader(
     """Return a function that reads logs by the options of a command; without a model all columns are read."""
     from hovercontrol.logs import BenchTable, Condition, gather
     from hovercontrol.logs.frames import in_z_up
-    from hovercontrol.models.blockmodel import BlockModel
-    from hovercontrol.models.model import Model
 
-    known = model if model is None or isinstance(model, Model | BlockModel) else BlockModel(model.reading)
+    known = readable_model(model)
     table = BenchTable.from_csv(bench, fans=bench_fans) if bench else None
     condition = Condition.parse(only_while) if only_while else None
     renamed, codes = pairs(columns), numbers(missing, "--missing")
@@ -335,10 +350,27 @@ def reader(
             settle=settle,
             missing=codes,
             trial=trial,
+            period=period,
         )
         return in_z_up(log, frame) if frame else log
 
     return read
+
+
+def commands_of(command: str, commands: str, columns: str, period: float | None) -> Log | None:
+    """Return the log of ``--commands``, or None if none is given.
+
+    Raises
+    ------
+    InputError
+        As :func:`~hovercontrol.logs.read_log`, or if an option of a log is given without one.
+    """
+    from hovercontrol.logs import read_log
+
+    for option, value in (("--columns", columns), ("--period", period)):
+        if value and not commands:
+            raise InputError(f"{command}: {option} belongs to the log of --commands; expected both")
+    return read_log(commands, pairs(columns), period=period) if commands else None
 
 
 def listed(text: str, option: str = "") -> list[str] | None:

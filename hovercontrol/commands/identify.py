@@ -33,6 +33,7 @@ def identify(
         ),
     ] = "",
     columns: given.Columns = "",
+    period: given.Period = None,
     bench: given.Bench = None,
     bench_fans: given.BenchFans = 2,
     only_while: given.OnlyWhile = "",
@@ -41,7 +42,7 @@ def identify(
     missing: given.Missing = "",
     trial: given.TrialColumn = "",
     allow_gaps: given.AllowGaps = False,
-    sample: Annotated[bool, typer.Option("--sample", help="Use the sample log of the package.")] = False,
+    sample: Annotated[bool, typer.Option("--sample", help="Use the sample log of c17_experiment.")] = False,
     json: given.Json = False,
 ) -> int:
     """Estimate a model's coefficients from logs, with standard errors; list those not excited by the logs.
@@ -71,7 +72,7 @@ def identify(
         from hovercontrol.identify.fmu import identify_fmu
 
         read = given.reader(
-            plant, columns, bench, bench_fans, only_while, settle, missing=missing, trial=trial
+            plant, columns, period, bench, bench_fans, only_while, settle, missing=missing, trial=trial
         )
         with given.progress_bar("identify", 1.0) as report:
             logs_, held_ = ([read(name) for name in group] for group in (names, held))
@@ -81,9 +82,11 @@ def identify(
         content = {"coefficients": values, "residual": result.residual, "converged": result.converged}
         given.show(result.table(), files, out, content if json else None)
         return 1 if result.negative else 0
+    if sample and not (logs or held or model or vehicle):
+        vehicle = "c17_experiment"
     found = given.model_of("identify", model, vehicle, params)
     read = given.reader(
-        found, columns, bench, bench_fans, only_while, settle, frame, missing=missing, trial=trial
+        found, columns, period, bench, bench_fans, only_while, settle, frame, missing=missing, trial=trial
     )
     with given.progress_bar("identify", 1.0) as report:
         every = []
@@ -103,7 +106,8 @@ def identify(
         words = [*names, *(word for log in held for word in ("--holdout", log))]
         options = {
             "--model": model, "--vehicle": vehicle, "--params": params, "--columns": columns,
-            "--bench": bench, "--while": only_while, "--frame": frame, "--missing": missing, "--trial": trial,
+            "--period": period, "--bench": bench, "--while": only_while, "--frame": frame,
+            "--missing": missing, "--trial": trial,
         }  # fmt: skip
         words += [word for option, value in options.items() if value for word in (option, str(value))]
         text += f"\nto find out what is missing: hovercontrol diagnose {shlex.join(words)}"

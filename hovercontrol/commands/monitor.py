@@ -69,6 +69,7 @@ def monitor(
         ),
     ] = False,
     columns: given.Columns = "",
+    period: given.Period = None,
     bench: given.Bench = None,
     bench_fans: given.BenchFans = 2,
     only_while: given.OnlyWhile = "",
@@ -91,9 +92,10 @@ def monitor(
         raise InputError("monitor: expected a log, or - with --follow for standard input")
     if out is not None:
         check_folder(out)
-    if follow and (out is not None or json or frame or bench or only_while or trial):
+    if follow and (out is not None or json or frame or bench or only_while or trial or period):
         raise InputError(
-            "monitor: --follow prints JSON lines: no --out, --json, --frame, --bench, --while or --trial"
+            "monitor: --follow prints JSON lines: no --out, --json, --frame, --bench, --while, --trial or "
+            "--period"
         )
     if not follow and log == "-":
         raise InputError("monitor: - is standard input: add --follow")
@@ -108,7 +110,7 @@ def monitor(
     wanted, channels = given.listed(candidates, "--candidates"), given.listed(measured, "--measured")
     craft = given.model_of("monitor", model, vehicle, params)
     read = given.reader(
-        craft, columns, bench, bench_fans, only_while, settle, frame, missing=missing, trial=trial
+        craft, columns, period, bench, bench_fans, only_while, settle, frame, missing=missing, trial=trial
     )
     if follow and log != "-" and not Path(log).is_file():
         raise InputError(f"monitor: {log}: no such file")

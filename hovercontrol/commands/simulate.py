@@ -45,6 +45,7 @@ def simulate(
     model: given.Runs = None,
     commands: given.Commands = "",
     columns: given.Columns = "",
+    period: given.Period = None,
     params: given.Params = None,
     match_start: Annotated[
         bool,
@@ -74,7 +75,6 @@ def simulate(
     Exit status 1 if a figure of merit is outside the range that the scenario states.
     """
     from hovercontrol.core.block import Block
-    from hovercontrol.logs import read_log
     from hovercontrol.models.blockmodel import BlockModel
     from hovercontrol.scenarios import load_scenario, run_scenario, scenario_names
     from hovercontrol.scenarios.drive import driven
@@ -87,13 +87,11 @@ def simulate(
         raise InputError(
             "simulate: expected a scenario's name (hovercontrol simulate --list shows them) or a TOML file"
         )
-    if columns and not commands:
-        raise InputError("simulate: --columns belongs to the log of --commands; expected both")
     if animation:
         from hovercontrol.animation.animate import check_format
 
         check_format(Path(animation))
-    log = read_log(commands, given.pairs(columns)) if commands else None
+    log = given.commands_of("simulate", commands, columns, period)
     plant = given.fmu_of("simulate", scenario, "", params)
     if plant is not None:
         return _drive_fmu(plant, duration, log, match_start, out, json, animation)

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from hovercontrol.logs import Log
     from hovercontrol.scenarios.varied import Varied
 
 #: Files of a checkpoint, of :mod:`hovercontrol.targets.checkpoint`.
@@ -63,6 +64,7 @@ def sweep(
     model: given.Runs = None,
     commands: given.Commands = "",
     columns: given.Columns = "",
+    period: given.Period = None,
     params: given.Params = None,
     out: Out = None,
     resume: Annotated[
@@ -90,7 +92,11 @@ def sweep(
         ranges[key] = values
     if not ranges:
         raise InputError("sweep: expected one or two --vary KEY=FROM:TO:POINTS")
-    name, run = _what(given.run_of("sweep", scenario, model), commands, columns, params)
+    name, run = _what(
+        given.run_of("sweep", scenario, model),
+        given.commands_of("sweep", commands, columns, period),
+        params,
+    )
     out = out or Path("out") / f"{name}-sweep"
     partial = _partial_folder(out)
     if written.refuse_others(partial) and not resume:
@@ -120,12 +126,9 @@ def sweep(
     return 1 if failures else 0
 
 
-def _what(
-    scenario: str, commands: str, columns: str, params: Path | None
-) -> tuple[str, Callable[..., Varied]]:
+def _what(scenario: str, log: Log | None, params: Path | None) -> tuple[str, Callable[..., Varied]]:
     """Return the name of what is run, and a function that runs it over ranges."""
     from hovercontrol.core.block import Block
-    from hovercontrol.logs import read_log
     from hovercontrol.models.model import Model
     from hovercontrol.scenarios import load_scenario
     from hovercontrol.scenarios.drive import driven
@@ -135,9 +138,6 @@ def _what(
         raise InputError(
             "sweep: expected a scenario's name (hovercontrol simulate --list shows them) or file"
         )
-    if columns and not commands:
-        raise InputError("sweep: --columns belongs to the log of --commands; expected both")
-    log = read_log(commands, given.pairs(columns)) if commands else None
     plant = given.fmu_of("sweep", scenario, "", params)
     if plant is not None:
         from hovercontrol.fmi.replay.swept import vary_fmu

@@ -1,17 +1,20 @@
-"""Columns derived from others while a file is read: time from stamps, heading from a rotation.
+"""Columns derived while a file is read: time from stamps or a period, heading from a rotation.
 
 ``time=sec+nanosec`` adds integer columns. Dates and stamps since an epoch become seconds since the first
-row. ``psi=qx,qy,qz,qw:z-up`` and ``psi=rx,ry,rz`` compute a heading from a quaternion or a rotation vector.
+row; without a column of time a period gives it. ``psi=qx,qy,qz,qw:z-up`` and ``psi=rx,ry,rz`` compute a
+heading from a quaternion or a rotation vector.
 """
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pyarrow as pa
 
 from hovercontrol.errors import ArgumentError, did_you_mean
@@ -22,8 +25,8 @@ from hovercontrol.logs.stamps import Stamps, needs_stamps
 
 _UP = re.compile(r":\s*(-?[xyz]-(?:up|down))\s*$")
 
-#: Computes the values of a column from its parts, piece by piece and in order.
-Make = Callable[[list[pa.Array], int], Any]
+#: Computes the values of a column from its parts in some rows of the file, piece by piece and in order.
+Make = Callable[[list[pa.Array], range], Any]
 
 
 @dataclass(frozen=True)
@@ -114,7 +117,7 @@ class Derived:
         made = {name: self.recipes[name] for name in names if name in self.recipes}
         plain = [name for name in names if name not in made]
         parts = [part for recipe in made.values() for part in recipe.parts]
-        wanted = list(dict.fromkeys([*plain, *parts]))
+        wanted = list(dict.fromkeys([*plain, *parts])) or [min(self.source.numeric())]  # for its rows
         typed = {part for recipe in made.values() if recipe.exact for part in recipe.parts} | set(exact)
         makers = {name: recipe.begin() for name, recipe in made.items()}
         row = 0
@@ -123,7 +126,8 @@ class Derived:
             for name in names:
                 if name in makers:
                     given = [batch.column(part) for part in made[name].parts]
-                    arrays.append(pa.array(makers[name](given, row), type=pa.float64()))
+                    rows = range(row, row + batch.num_rows)
+                    arrays.append(pa.array(makers[name](given, rows), type=pa.float64()))
                 else:
                     arrays.append(batch.column(name))
             row += batch.num_rows
@@ -137,8 +141,10 @@ class Derived:
         return found[0][0], " ".join(text for _, text in found)
 
 
-def with_derived(file: Path, source: Source, columns: Mapping[str, str]) -> Source:
-    """Return a source with the columns that ``--columns`` derives from others, and time from stamps.
+def with_derived(
+    file: Path, source: Source, columns: Mapping[str, str], period: float | None = None
+) -> Source:
+    """Return a source with the columns that ``--columns`` derives from others, and time.
 
     Parameters
     ----------
@@ -146,11 +152,13 @@ def with_derived(file: Path, source: Source, columns: Mapping[str, str]) -> Sour
         For error messages.
     columns : mapping
         Signal name to the specification of the file's column, as for :func:`.read.read_log`.
+    period : float, optional
+        Time between two rows [s] of a file without a column of time.
 
     Raises
     ------
     ArgumentError
-        If a part is not a column of the file.
+        If a part is not a column of the file, or a period is given for a file that has a time.
     """
     recipes: dict[str, Recipe] = {}
     for ours, said in columns.items():
@@ -159,12 +167,26 @@ def with_derived(file: Path, source: Source, columns: Mapping[str, str]) -> Sour
             if heading:
                 recipes[said] = heading
     said = columns.get("time", "time")
+    if period is not None:
+        recipes["time"] = _by_period(file, source, columns, period)
+        return Derived(source, recipes)
     parts = _clock_parts(file, source, said)
     if not parts:
         return Derived(source, recipes) if recipes else source
     stamps = Stamps(file, source, parts)
     recipes[said] = Recipe(tuple(name for name, _ in parts), lambda: stamps.seconds, exact=True)
     return Derived(source, recipes, stamps)
+
+
+def _by_period(file: Path, source: Source, columns: Mapping[str, str], period: float) -> Recipe:
+    """Return the time of a file's rows: t = 0, period, 2 period, ..."""
+    if "time" in columns or "time" in source.header:
+        raise ArgumentError(
+            f"{file}: expected no column of time beside --period, found {columns.get('time', 'time')!r}"
+        )
+    if not (math.isfinite(period) and period > 0.0):
+        raise ArgumentError(f"--period: expected a positive time in seconds, found {period:g}")
+    return Recipe((), lambda: lambda parts, rows: period * np.asarray(rows))
 
 
 def parts_of(said: str, header: Collection[str]) -> list[str]:

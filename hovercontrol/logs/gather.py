@@ -88,6 +88,7 @@ def gather(
     motion: bool = False,
     missing: Sequence[float] = (),
     trial: str = "",
+    period: float | None = None,
 ) -> Log:
     r"""Return one run as one log.
 
@@ -117,6 +118,8 @@ def gather(
         Numbers in the files that mean a missing value.
     trial : str, optional
         Column with the number of the trial, in the file with the measurements.
+    period : float, optional
+        Time between two rows [s] of files without a column of time.
 
     Returns
     -------
@@ -125,7 +128,7 @@ def gather(
     Raises
     ------
     ArgumentError
-        If a name or a unit of `columns`, or the condition, does not fit the files.
+        If a name or a unit of `columns`, the condition or `period` does not fit the files.
     InputError
         As :func:`read_log` and :func:`join_logs`; or if an input is missing, no row is left, or the gaps
         are longer in total than the rest of the log.
@@ -150,13 +153,18 @@ def gather(
     _check_columns(paths[-1], own[-1], extra)
     if len(paths) == 1:
         log = measured = read_wanted(
-            paths[0], own[0], replace(wanted, inputs=sent | extra), missing=missing, trial=trial
+            paths[0],
+            own[0],
+            replace(wanted, inputs=sent | extra),
+            missing=missing,
+            trial=trial,
+            period=period,
         )
     else:
         pose, commands = paths
-        given = read_wanted(commands, own[1], Wanted(sent | extra), missing=missing)
+        given = read_wanted(commands, own[1], Wanted(sent | extra), missing=missing, period=period)
         seen = replace(wanted, inputs={})
-        measured = read_wanted(pose, own[0], seen, missing=missing, trial=trial)
+        measured = read_wanted(pose, own[0], seen, missing=missing, trial=trial, period=period)
         log = join_logs(*_each_once(measured, given, own, sent))
     if bench:
         log = bench.apply(log, dict(zip(sent, units, strict=True)))

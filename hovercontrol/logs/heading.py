@@ -142,13 +142,13 @@ class Heading:
     euler: str = ""
     _readings: dict[tuple[bool, int], _Turned] = field(default_factory=dict, repr=False)
 
-    def begin(self) -> Callable[[list[pa.Array], int], Floats]:
+    def begin(self) -> Callable[[list[pa.Array], range], Floats]:
         """Return :meth:`values` for a new pass through the file."""
         orders = (False, True) if len(self.names) == 4 else (False,)
         self._readings = {(first, axis): _Turned(axis) for first in orders for axis in range(3)}
         return self.values
 
-    def values(self, parts: list[pa.Array], row: int) -> Floats:
+    def values(self, parts: list[pa.Array], rows: range) -> Floats:
         """Return the heading [rad] of each row; NaN where a component is missing.
 
         Raises
@@ -164,7 +164,7 @@ class Heading:
         off = off[length[off] > 0.0]
         if off.size:
             raise InputError(
-                f"{self.file}: row {row + off[0] + 1}, columns {', '.join(self.names)}: expected a "
+                f"{self.file}: row {rows.start + off[0] + 1}, columns {', '.join(self.names)}: expected a "
                 f"quaternion of length 1, found length {length[off[0]]:.4g}"
             )
         axis, sign = self.up

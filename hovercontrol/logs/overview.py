@@ -15,6 +15,7 @@ from hovercontrol.errors import InputError
 from hovercontrol.logs.log import POSE, VELOCITY
 from hovercontrol.logs.readers.tables import Table, Tables
 from hovercontrol.logs.source import Source, format_of, open_log
+from hovercontrol.logs.wanted import Wanted
 
 #: Topics with setpoints instead of measurements, and with a simulator's ground truth.
 _WANTED = re.compile(r"set_?point|desired|target|reference|groundtruth|_sp\b", re.IGNORECASE)
@@ -76,13 +77,13 @@ class Topic:
         return 1.0 / step if step > 0.0 else float("nan")
 
 
-def overview(file: Path, inputs: Sequence[str] = (), options: str = "") -> str | None:
+def overview(file: Path, wanted: Wanted, options: str = "") -> str | None:
     """Return a list of a file's topics and a proposal for ``--columns``, or None if none is needed.
 
     Parameters
     ----------
-    inputs : sequence of str, optional
-        The model's inputs.
+    wanted : Wanted
+        The columns of the model: none is needed where the file has its outputs, or its motion, by name.
     options : str, optional
         Further options of the proposed command.
 
@@ -96,9 +97,11 @@ def overview(file: Path, inputs: Sequence[str] = (), options: str = "") -> str |
         return None
     topics = _topics(file)
     names = {name for topic in topics for name in topic.header}
-    if any(names.issuperset(triple) for triple in (POSE, VELOCITY)):
+    triples = (POSE, VELOCITY) if wanted.motion else [{name} for name in wanted.outputs]
+    if any(names.issuperset(triple) for triple in triples):
         return None
-    said = proposal(topics, inputs)
+    inputs, measured = list(wanted.inputs), POSE if wanted.motion else tuple(wanted.outputs)
+    said = {k: v for k, v in proposal(topics, inputs).items() if wanted.motion or k in (*measured, *inputs)}
     lines = [f"{file}: {kind}, {len(topics)} topic{'s' * (len(topics) != 1)}"]
     for topic in topics:
         rate = f"{topic.rate:.4g} Hz" if np.isfinite(topic.rate) else "no rate"
@@ -106,13 +109,14 @@ def overview(file: Path, inputs: Sequence[str] = (), options: str = "") -> str |
         lines.append(f"  {topic.name}  {topic.rows} rows, {rate}")
         lines += [f"      {text}" for text in _wrapped([n.removeprefix(prefix) for n in topic.header])]
     if not said:
-        return "\n".join([*lines, "No column's name suggests a pose: --columns x=TOPIC/FIELD,y=...,psi=..."])
+        columns = ",".join(f"{name}=TOPIC/FIELD" for name in measured)
+        return "\n".join([*lines, f"No name suggests {', '.join(measured)}: --columns {columns}"])
     if kind == "Motive (OptiTrack) CSV":  # y is up there, unless it was exported otherwise
         said |= {"y": f"{said['y'].removesuffix('.y')}.z:-"} if "y" in said else {}
         said |= {"psi": f"{said['psi']}:y-up"} if "," in said.get("psi", "") else {}
     options += " --frame ned" if kind in _NED else ""
     pairs = ",".join(f"{ours}={theirs}" for ours, theirs in said.items())
-    missing = [name for name in (*POSE, *inputs) if name not in said]
+    missing = [name for name in (*measured, *inputs) if name not in said]
     hint = f" ({', '.join(missing)}: no name suggests a column)" if missing else ""
     return "\n".join(
         [*lines, f"Names suggest{hint}:", f"  hovercontrol check {file} --columns '{pairs}'{options}"]

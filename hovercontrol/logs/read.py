@@ -50,6 +50,7 @@ def read_log(
     usecols: Sequence[str] | None = None,
     missing: Sequence[float] = (),
     trial: str = "",
+    period: float | None = None,
 ) -> Log:
     r"""Read a log from CSV, Parquet or another of the formats in :data:`~hovercontrol.logs.source.FORMATS`.
 
@@ -85,6 +86,8 @@ def read_log(
         Numbers in the file that mean a missing value, in any column except ``time``: ``[-999]``.
     trial : str, optional
         A column with a number for each trial. Rows in which it is blank belong to no trial and are left out.
+    period : float, optional
+        Time between two rows [s], positive, of a file without a column of time.
 
     Returns
     -------
@@ -95,7 +98,8 @@ def read_log(
     Raises
     ------
     ArgumentError
-        If `columns` or `trial` names a column that the file does not have, or one twice, or an unknown unit.
+        If `columns` or `trial` names a column that the file does not have, or one twice, or an unknown unit;
+        or if `period` is not positive, or the file has a time.
     InputError
         If the file is invalid. The message names the line (the header is line 1; in Parquet the row, from
         1), the column, and the expected and the found value. More than 1 GiB of numbers is an error.
@@ -110,7 +114,7 @@ def read_log(
     array([0. , 0.1])
     """
     of = Wanted.of(model, inputs, motion)
-    return read_wanted(path, columns, of, usecols, missing=missing, trial=trial)
+    return read_wanted(path, columns, of, usecols, missing=missing, trial=trial, period=period)
 
 
 def read_wanted(
@@ -121,17 +125,18 @@ def read_wanted(
     *,
     missing: Sequence[float] = (),
     trial: str = "",
+    period: float | None = None,
 ) -> Log:
     """Return a log as :func:`read_log` does, with the required columns given by `wanted`."""
     file, given = Path(path), columns or {}
     opened = open_log(file)
     if not isinstance(opened, Tables):
-        return _read_source(file, opened, given, wanted, usecols, missing, trial)
+        return _read_source(file, opened, given, wanted, usecols, missing, trial, period)
 
     def read(table: Table, own: Mapping[str, str], inputs: Mapping[str, str], usecols: Sequence[str]) -> Log:
-        return _read_source(file, table, own, Wanted(inputs), usecols, missing)
+        return _read_source(file, table, own, Wanted(inputs), usecols, missing, period=period)
 
-    return join_tables(opened, given, wanted.inputs, read, motion=wanted.motion)
+    return join_tables(opened, given, wanted, read, clocked=period is None)
 
 
 def _read_source(
@@ -142,9 +147,10 @@ def _read_source(
     usecols: Sequence[str] | None,
     missing: Sequence[float] = (),
     trial: str = "",
+    period: float | None = None,
 ) -> Log:
     """Read a log from one table, as described in :func:`read_log`."""
-    source = with_derived(file, opened, columns)
+    source = with_derived(file, opened, columns, period)
     said = {ours: column_of(theirs, source.header) for ours, theirs in columns.items()}
     renamed = {ours: theirs for ours, (theirs, _) in said.items()}
     units = {**wanted.outputs, **wanted.inputs}
@@ -262,7 +268,8 @@ def _our_names(file: str, header: list[str], renamed: Mapping[str, str]) -> dict
     for ours, theirs in renamed.items():
         if theirs not in header:
             raise ArgumentError(
-                f"{file}: no column {theirs!r} to read {ours!r} from{did_you_mean(theirs, header)}"
+                f"{file}: no column {theirs!r} to read {ours!r} from"
+                f"{did_you_mean(theirs, filter(None, header))}"
             )
         if theirs in ours_of:
             raise ArgumentError(

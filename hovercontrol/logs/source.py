@@ -111,7 +111,7 @@ FORMATS = (
     Format("MATLAB", (".mat",), "matlab:matlab", "`time`, `log.x`, `log.pos[0]`", (b"MATLAB ",), "mat-io (version 7.3, timetables)"),  # noqa: E501
     Format("MDF 3 and 4", (".mf4", ".mdf"), "mdf:mdf",
            "the channel, `group/channel` where two have its name; units as the file states them", (b"MDF     ",), "asammdf"),  # noqa: E501
-    Format("CSV", (), "csv:CsvSource", "as in the header"),
+    Format("CSV", (), "csv:CsvSource", "as in the header; without one by number: `1`, `2`"),
 )  # fmt: skip
 
 

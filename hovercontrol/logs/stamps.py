@@ -113,12 +113,12 @@ class Stamps:
     def __post_init__(self) -> None:
         self._units = [self._unit(name, unit) for name, unit in self.parts]
 
-    def seconds(self, given: list[pa.Array], row: int) -> Floats:
+    def seconds(self, given: list[pa.Array], rows: range) -> Floats:
         """Return the time [s] since the first row; NaN where a stamp is missing."""
         total, there = np.zeros(len(given[0]), dtype=np.int64), np.ones(len(given[0]), dtype=bool)
         for (name, _), unit, column in zip(self.parts, self._units, given, strict=True):
             there &= np.asarray(column.is_valid())
-            total += self._nanoseconds(name, unit, column, row)
+            total += self._nanoseconds(name, unit, column, rows.start)
         if self.origin is None and there.any():
             self.origin = int(total[there][0])
         time = (total - (self.origin or 0)) / 1e9

@@ -13,13 +13,14 @@ from hovercontrol.logs.derived import parts_of
 from hovercontrol.logs.join import join_logs
 from hovercontrol.logs.log import POSE, VELOCITY, Log, gap_rows
 from hovercontrol.logs.readers.tables import Table, Tables
+from hovercontrol.logs.wanted import Wanted
 
 #: Reads columns of one table into a log, like :func:`.read.read_log` for a file.
 ReadTable = Callable[..., Log]
 
 
 def join_tables(
-    file: Tables, columns: Mapping[str, str], inputs: Mapping[str, str], read: ReadTable, *, motion: bool
+    file: Tables, columns: Mapping[str, str], wanted: Wanted, read: ReadTable, *, clocked: bool = True
 ) -> Log:
     """Return the named columns of several tables as one log.
 
@@ -30,12 +31,12 @@ def join_tables(
     ----------
     columns : mapping
         Signal name to the file's column name.
-    inputs : mapping of str to str
-        Commands that the log must have, and their units.
+    wanted : Wanted
+        Columns that the log must have; its inputs are commands.
     read : callable
         See :data:`ReadTable`.
-    motion : bool
-        Whether pose or body velocities are required.
+    clocked : bool, optional
+        Whether each table must have a column of time; else `read` knows the time of those without.
 
     Raises
     ------
@@ -45,14 +46,16 @@ def join_tables(
         If no column is named, or two tables have no time in common.
     """
     columns = {ours: _named(file, said) for ours, said in columns.items()}
-    own = {k: file.named(k) for k in ("time", *POSE, *VELOCITY, *inputs)}
+    inputs, measured = wanted.inputs, (*POSE, *VELOCITY, *wanted.outputs)
+    own = {k: file.named(k) for k in ("time", *measured, *inputs)}
     said = {**{k: name for k, name in own.items() if file.table_of(name)}, **columns}
     clocks = {k: v for k, v in said.items() if k == "time"}
     named = {k: v for k, v in said.items() if k != "time"}
-    if not named or (motion and not named.keys() & {*POSE, *VELOCITY}):
+    if not named or (wanted.motion and not named.keys() & {*POSE, *VELOCITY}):
         raise InputError(
-            f"{file.file}: {len(file.tables)} topics, and none of the columns is named x, y, psi, u, v or r: "
-            f"--columns x=TOPIC/FIELD,... (hovercontrol check {file.file} lists the columns)"
+            f"{file.file}: {len(file.tables)} topics, and none of the columns is named "
+            f"{', '.join(wanted.outputs or measured)}: --columns {next(iter(wanted.outputs or measured))}="
+            f"TOPIC/FIELD,... (hovercontrol check {file.file} lists the columns)"
         )
     by_table: dict[str, dict[str, str]] = {}
     tables = {table.name: table for table in file.tables}
@@ -66,13 +69,16 @@ def join_tables(
         clock = {"time": tables[name].clock} if tables[name].clock else {}
         if clocks and _table(file, "time", clocks["time"]) is tables[name]:
             clock = clocks
-        if not clock:
+        if not clock and clocked:
             why = f" ({tables[name].said})" if tables[name].said else ""
-            raise InputError(f"{file.file}: {name}: no column of time is known{why}: --columns time=NAME")
+            raise InputError(
+                f"{file.file}: {name}: no column of time is known{why}: --columns time=NAME; rows at a known "
+                "period: --period SECONDS"
+            )
         logs[name] = read(
             tables[name], {**clock, **own}, {k: v for k, v in inputs.items() if k in own}, usecols=list(own)
         )
-    commands = set(inputs) or {k for k in named if k not in (*POSE, *VELOCITY)}
+    commands = set(inputs) or {k for k in named if k not in measured}
     if not set(named) - commands:
         commands = set()
     return _joined(file.file.name, list(logs.values()), commands)

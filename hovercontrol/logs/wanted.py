@@ -90,4 +90,10 @@ class Wanted:
 
 
 def _missing(name: str, names: Sequence[str]) -> str:
-    return f"{name!r}{did_you_mean(name, names)} (a column of another name: --columns {name}=NAME)"
+    others = [other for other in names if other != "time"]  # that of a period
+    if others and all(other.isdigit() for other in others):
+        how = f"there is no header: --columns {name}=NUMBER of the column, from 1"
+    else:
+        how = f"a column of another name: --columns {name}=NAME"
+    known = "; rows at a known period: --period SECONDS" if name == "time" else ""
+    return f"{name!r}{did_you_mean(name, names)} ({how}{known})"

@@ -17,7 +17,16 @@ COMMANDS = {
     "new": ["new", "new/deep/craft.toml"],
     "identify": ["identify", "--sample", "--out", "new/deep"],
     "analyze": ["analyze", "c17_beta_region", "--out", "new/deep"],
-    "diagnose": ["diagnose", str(sample_path()), "--effects", "slope", "--out", "new/deep"],
+    "diagnose": [
+        "diagnose",
+        str(sample_path()),
+        "--vehicle",
+        "c17_experiment",
+        "--effects",
+        "slope",
+        "--out",
+        "new/deep",
+    ],
     "items": ["analyze", "c17 figure 2", "--out", "new/deep"],
 }
 

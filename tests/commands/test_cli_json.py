@@ -71,7 +71,9 @@ def test_identify_tells_coefficients_and_predictions(told):
 
 
 def test_diagnose_tells_its_result(told):
-    found, status = told("diagnose", str(sample_path()), "--effects", "slope", "--out", "d")
+    found, status = told(
+        "diagnose", str(sample_path()), "--vehicle", "c17_experiment", "--effects", "slope", "--out", "d"
+    )
     assert found["verdict"] == "none" and status == 0
     with open("d/result.json") as file:
         saved = json.load(file)

@@ -97,7 +97,10 @@ def test_a_name_is_never_proposed_for_itself():
             "--columns belongs to the log of --commands",
         ),
         (["identify", "a.csv", "--coefficients", ","], "--coefficients: expected names separated by commas"),
-        (["diagnose", "a.csv", "--effects", "slope,wind,slope"], "--effects: 'slope' is given twice"),
+        (
+            ["diagnose", "a.csv", "--vehicle", "c17_experiment", "--effects", "slope,wind,slope"],
+            "--effects: 'slope' is given twice",
+        ),
         (["analyze", "nope"], "unknown analysis or item 'nope'; known: "),
     ],
 )

@@ -46,7 +46,9 @@ def test_kalman_bucy_of_a_sampled_block_is_the_filter_of_its_next_values():
     ticks = [filtered.tick(k * T, {"y": y[k], "u": u[k]}) for k in range(N)]
     np.testing.assert_allclose([[found["a_hat"], found["b_hat"]] for found in ticks], wanted, rtol=1e-8)
     along = estimate_from_log(tank(), t, {"y": y, "u": u}, R=R, Q=Q, P0=P0)
-    np.testing.assert_allclose(np.column_stack([along.coefficients["a"], along.coefficients["b"]]), wanted, rtol=1e-8)
+    np.testing.assert_allclose(
+        np.column_stack([along.coefficients["a"], along.coefficients["b"]]), wanted, rtol=1e-8
+    )
     assert abs(wanted[-1] - [0.8, 0.3]).max() < 0.03
 
 

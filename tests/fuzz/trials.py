@@ -122,21 +122,33 @@ def a_dialect_is_read(rng: Random, folder: Path) -> int:
         + lines[0]
         + rng.choice(["", "\n" + separator.join(["s"] * 4)])
     )
+    lines = lines[rng.random() < 0.2 :]  # without a header
+    period = rng.choice([None, 0.02])
     content = mutate.text(rng, "\n".join(lines)) if rng.random() < 0.7 else "\n".join(lines)
     (folder / "a.csv").write_bytes(
         content.encode(rng.choice(["utf-8", "utf-16", "cp1252"]), errors="replace")
     )
-    return call(lambda: read_log(folder / "a.csv", motion=False))
+    return call(lambda: read_log(folder / "a.csv", motion=False, period=period))
 
 
 def a_log_is_identified(rng: Random, folder: Path) -> int:
     _log(rng, folder / "a.csv")
-    words = ["identify", "a.csv", "--out", "out"]
+    words, option = ["identify", "a.csv", "--out", "out"], ""
     if rng.random() < 0.3:
         option = rng.choice(
-            ["--columns", "--coefficients", "--while", "--model", "--vehicle", "--bench", "--settle"]
+            [
+                "--columns",
+                "--period",
+                "--coefficients",
+                "--while",
+                "--model",
+                "--vehicle",
+                "--bench",
+                "--settle",
+            ]
         )
         words += [option, rng.choice([*mutate.TEXTS[1:], *mutate.NUMBERS]).replace("\0", "")]
+    words += [] if option in ("--model", "--vehicle") else ["--vehicle", "c17_experiment"]
     return command(words, folder)
 
 
@@ -297,7 +309,7 @@ def words_are_given(rng: Random, folder: Path) -> int:
         ["export", "table1:plant", "-o", "x.fmu"],
         ["analyze", "budget"],
         ["export", "imu", "--step", "1"],
-        ["diagnose", "a.csv", "--holdout", "b.csv"],
+        ["diagnose", "a.csv", "--vehicle", "c17_experiment", "--holdout", "b.csv"],
     ]
     words = list(rng.choice(known))
     words[rng.randrange(1 if len(words) > 1 else 0, len(words))] = rng.choice(

@@ -98,13 +98,23 @@ def test_the_commands_convert_and_refuse(call, tmp_path):
     ned(sample().select(slice(0, 1000))).save(tmp_path / "ned.csv")
     sample().select(slice(0, 1000)).save(tmp_path / "up.csv")
     for command in ("identify", "diagnose"):
-        done = call(command, "ned.csv", "--out", "out", cwd=tmp_path)
+        done = call(command, "ned.csv", "--vehicle", "c17_experiment", "--out", "out", cwd=tmp_path)
         assert (
             done.returncode == 2 and "--frame ned converts it" in done.stderr and done.stderr.count("\n") == 1
         )
     tables = []
     for name, frame in (("up", "z-up"), ("ned", "ned")):
-        done = call("identify", f"{name}.csv", "--frame", frame, "--out", name, cwd=tmp_path)
+        done = call(
+            "identify",
+            f"{name}.csv",
+            "--vehicle",
+            "c17_experiment",
+            "--frame",
+            frame,
+            "--out",
+            name,
+            cwd=tmp_path,
+        )
         assert done.returncode in (0, 1), done.stderr
         rows = (tmp_path / name / "coefficients.csv").read_text().splitlines()[1:]
         tables.append([float(row.split(",")[1]) for row in rows])

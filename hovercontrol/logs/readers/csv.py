@@ -47,7 +47,7 @@ EXACT = pa.decimal128(38, 18)
 
 
 class CsvSource:
-    """A text table whose header names the columns.
+    """A text table whose header names the columns; without one they are named 1, 2, ...
 
     Parameters
     ----------
@@ -113,7 +113,7 @@ class CsvSource:
         if not any(self.header) or all(map(_number, re.split(r"[;\s|,]+", ",".join(self.header)))):
             raise InputError(
                 f"{self.file}: line 1: expected a header of column names, "
-                f"found {','.join(self.header)[:60]!r}"
+                f"found {','.join(self.header)[:60]!r}; if that is a row, add a line of names above it"
             )
 
     def _cells(self, reader: Any, before: int = 0) -> Iterator[list[str]]:
@@ -267,9 +267,10 @@ class CsvSource:
             return InputError(f"{self.file}: expected samples below the header, found no rows")
         for line, cells in self._rows():
             if len(cells) != len(self.header):
+                where = f"line {self.dialect.first + 1}" if self.dialect.headless else "the header"
                 return InputError(
-                    f"{self.file}: line {line}: expected {len(self.header)} values as in the "
-                    f"header, found {len(cells)}"
+                    f"{self.file}: line {line}: expected {len(self.header)} values as in {where}, "
+                    f"found {len(cells)}"
                 )
             for name, i in at.items():
                 text = cells[i].strip()

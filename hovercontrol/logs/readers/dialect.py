@@ -52,6 +52,8 @@ class Dialect:
         Whether there are comment lines below the header.
     angles : str
         Unit of angles without a stated unit, as OpenSim's ``inDegrees=yes`` above the header says it.
+    headless : bool
+        Whether there is no header; the columns are then named ``1``, ``2``, ...
     """
 
     encoding: str = "utf-8-sig"
@@ -63,6 +65,7 @@ class Dialect:
     units: tuple[str, ...] = ()
     comments: bool = False
     angles: str = "rad"
+    headless: bool = False
 
     @property
     def text(self) -> str:
@@ -74,7 +77,9 @@ class Dialect:
             said.append(f"{SEPARATORS[self.separator]} between values")
         if self.decimal != ".":
             said.append("decimal commas")
-        if self.header:
+        if self.headless:
+            said.append(f"no header, columns named 1 to {len([*filter(None, self.names)])}")
+        elif self.header:
             said.append(f"header in line {self.header + 1}")
         if self.units:
             said.append("a line of units below the header")
@@ -174,8 +179,11 @@ def recognise(head: bytes, file: str) -> Dialect:
     plain = Dialect(encoding)
     if not encoding.startswith("utf-16") and _is_plain(lines):
         return plain
-    found = [d for separator in SEPARATORS if (d := _with(replace(plain, separator=separator), lines))]
-    return max(found, key=lambda d: len(d.names), default=plain)
+    for kind in (_with, _headless):
+        found = [d for separator in SEPARATORS if (d := kind(replace(plain, separator=separator), lines))]
+        if found:
+            return max(found, key=lambda d: len(d.names))
+    return plain
 
 
 def _decoded(head: bytes, file: str) -> tuple[str, str]:
@@ -263,6 +271,43 @@ def _with(dialect: Dialect, lines: Sequence[str]) -> Dialect | None:
             angles="deg" if any(_IN_DEGREES.match(text) for text in lines[:header]) else "rad",
         )
     return None
+
+
+def _headless(dialect: Dialect, lines: Sequence[str]) -> Dialect | None:
+    """Return the completed dialect if, with its separator, the file has rows of numbers and no header.
+
+    A first row that counts columns (0, 1, 2 or 1, 2, 3) may be a header: None.
+    """
+    rows = [(k, line) for k, line in enumerate(lines[:1000]) if line.strip() and not is_comment(line)]
+    try:
+        cells = [[cell.strip() for cell in dialect.cells(line)] for _, line in rows]
+    except csv.Error:
+        return None
+    width = len(cells[0]) if cells else 0
+    alike = [row for row in cells if len(row) == width and _all_numbers(row)]
+    if not alike or alike[0] is not cells[0] or 2 * len(alike) <= len(cells):
+        return None
+    if any(cells[0] == [str(k + first) for k in range(width)] for first in (0, 1)):
+        return None
+    comma = any(_COMMA.fullmatch(cell) for row in alike for cell in row)
+    first, filled = rows[0][0], width - (width > 1 and not any(row[-1] for row in alike))
+    return replace(
+        dialect,
+        decimal="," if comma else ".",
+        header=first,
+        first=first,
+        names=tuple(str(k + 1) if k < filled else "" for k in range(width)),
+        comments=any(is_comment(text) for text in lines[first:]),
+        headless=True,
+    )
+
+
+def _all_numbers(cells: Sequence[str]) -> bool:
+    """Return whether all cells that are not blank are numbers or dates, with one decimal mark."""
+    given = [cell for cell in cells if cell]
+    points = all(_POINT.fullmatch(c) or _DATE.fullmatch(c) for c in given)
+    commas = all(_COMMA.fullmatch(c) or re.fullmatch(r"[-+]?\d+", c) or _DATE.fullmatch(c) for c in given)
+    return bool(given) and (points or commas)
 
 
 def is_header(cells: Sequence[str], least: int = 2) -> bool:

@@ -133,3 +133,40 @@ def test_columns_of_parquet_may_be_truth_values_and_durations(tmp_path: Path) ->
     log = read_log(tmp_path / "a.parquet", {"on": "on"})
     assert log.time == pytest.approx([0.0, 0.01, 0.02])
     assert log["on"] == pytest.approx([0.0, np.nan, 1.0], nan_ok=True)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("0.5,1\n0.6,2\n", "no header, columns named 1 to 2"),
+        ("0,5;1\n0,6;2\n", "semicolons between values, decimal commas, no header, columns named 1 to 2"),
+        ("  0.5\t 1\n 6e-1  2\n", "blanks between values, no header, columns named 1 to 2"),
+        ("0.5\t1\n\n0.6\t2\n", "tabs between values, no header, columns named 1 to 2"),
+        ("% saved by me\n0.5 1\n# then\n0.6 2\n", "no header, columns named 1 to 2, comment lines"),
+        ("0.5,1,\n0.6,2,\n", "no header, columns named 1 to 2"),
+        ("0.5,1\n0.6,2\n0.7", "an incomplete last line left out"),
+    ],
+)
+def test_columns_without_a_header_are_named_by_number(tmp_path: Path, text: str, said: str) -> None:
+    (tmp_path / "a.csv").write_text(text)
+    log = read_log(tmp_path / "a.csv", {"time": "1", "x": "2:-mm"})
+    assert log.time.tolist() == [0.5, 0.6] and log["x"] == pytest.approx([-0.001, -0.002])
+    assert said in log.notes[0]
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("0.5,1\n0.6,2\n", "no column 'time'; known: 1, 2 (there is no header: --columns time=NUMBER"),
+        ("0,1\n0.5,1\n0.6,2\n", "line 1: expected a header of column names, found '0,1'; if that is a row"),
+        ("0.5,1\n0.6\n0.7,1\n", "line 2: expected 2 values as in line 1, found 1"),
+        ("0.5,1\n0.6,2\n0.7,a\n", "line 3, column '2': expected a number, found 'a'"),
+        ("0.5,1\n0.6,2\n0.55,3\n", "line 3, column '1': time runs backwards"),
+    ],
+)
+def test_a_fault_without_a_header_is_named_by_its_line(tmp_path: Path, text: str, said: str) -> None:
+    """A first row 0,1 may be a header (pandas writes it) or a row: neither is assumed."""
+    (tmp_path / "a.csv").write_text(text)
+    with pytest.raises(InputError) as caught:
+        read_log(tmp_path / "a.csv", {"x": "2", "time": "1"} if "time'" not in said else {})
+    assert said in str(caught.value)
