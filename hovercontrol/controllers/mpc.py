@@ -18,6 +18,9 @@ from hovercontrol.controllers.prediction_arguments import (
     stage_of,
 )
 from hovercontrol.controllers.predictive import MPC
+from hovercontrol.controllers.shooting import Stage
+from hovercontrol.controllers.suggestion import Times, suggested_periods, suggested_weights, times_of
+from hovercontrol.controllers.way_reference import WayReference
 from hovercontrol.core.arguments import at_least
 from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
@@ -30,8 +33,8 @@ def mpc(
     plant: AnyModel,
     *,
     period: float | None = None,
-    horizon: int = 20,
-    weights: Mapping[str, float],
+    horizon: int | None = None,
+    weights: Mapping[str, float] | None = None,
     rate_weights: Mapping[str, float] | None = None,
     final: float = 1.0,
     limits: Limits | None = None,
@@ -39,6 +42,7 @@ def mpc(
     obstacles: Circles = (),
     waypoints: ArrayLike | None = None,
     speed: float = 0.5,
+    acceptance: float = 0.25,
     clearance: float = 0.05,
     position: tuple[str, str] = ("x", "y"),
     heading: str = "psi",
@@ -53,18 +57,23 @@ def mpc(
     inputs of the next period, ``to_control()`` a discrete-time system for use in a loop, and ``simulate(t)``
     the closed loop.
 
+    Each plan is compared with others by its predicted cost. At rest a propeller's thrust ``k n abs(n)`` has
+    no slope over its speed, so that a solver alone would stay (:mod:`~hovercontrol.controllers.plans`).
+
     Parameters
     ----------
     plant : Model, BlockModel or Block
         Continuous or sampled; its equations predict the motion.
     period : float, optional
-        Time between samples [s]: 0.05 s if it is not given. Of a sampled plant a multiple of its period
-        (default: its period).
+        Time between samples [s] (default: 0.05 s, or with the suggested horizon about a fortieth of it). Of a
+        sampled plant a multiple of its period (default: its period).
     horizon : int, optional
-        Number of periods predicted.
-    weights : mapping of str to float
+        Number of periods predicted (default: 20; with waypoints and limits the times in which the craft gets
+        going, turns round and stops, :mod:`~hovercontrol.controllers.suggestion`).
+    weights : mapping of str to float, optional
         By name [1/unit^2]: cost of the squared difference of a state from its reference, or of the squared
-        input.
+        input. With waypoints they may be left out, together with `rate_weights`: they then follow from
+        `acceptance` and from the ranges of the inputs.
     rate_weights : mapping of str to float, optional
         Cost of the squared change of an input from sample to sample [1/unit^2].
     final : float, optional
@@ -80,7 +89,10 @@ def mpc(
         Positions to reach in order [m]. The reference moves along the shortest way through them, around
         the obstacles.
     speed : float, optional
-        Of the reference along the waypoints [m/s].
+        Of the reference along the waypoints [m/s]; where the inputs have limits it slows down before the last
+        one as the craft can.
+    acceptance : float, optional
+        Distance within which a waypoint counts as reached [m].
     clearance : float, optional
         Distance kept from the obstacles [m].
     position : tuple of str, optional
@@ -104,8 +116,8 @@ def mpc(
     ------
     InputError
         If CasADi is not installed (``pip install "hovercontrol[mpc]"``), the plant has parts that tick, its
-        inputs are delayed, a name is unknown, a number is out of range, or a waypoint lies within an
-        obstacle.
+        inputs are delayed, a name is unknown, a number is out of range, weights are missing, or a waypoint
+        lies within an obstacle.
 
     Examples
     --------
@@ -126,32 +138,42 @@ def mpc(
     (4.0, 0.0)
     """
     block = plant_of(name, plant)
-    period = positive(f"{name}: period", (block.period or 0.05) if period is None else period)
-    at_least(f"{name}: horizon", horizon, 2)
     states, inputs = [s.name for s in block.states], [s.name for s in block.inputs]
+    points = None if waypoints is None else points_of(name, waypoints)
+    if weights is None and points is None:
+        raise InputError(f"{name}: weights: expected weights by name; only with waypoints are they suggested")
+    for what, number in (("speed", speed), ("acceptance", acceptance), ("final", final)):
+        positive(f"{name}: {what}", number)
+    at = states.index(heading) if heading in states else -1
+
+    def stage_with(period: float, substeps: int | None) -> Stage:
+        return stage_of(
+            name, block, period, limits, rate_limits, obstacles, clearance, position, params, substeps,
+            planar=points is not None,
+        )  # fmt: skip
+
+    given = (block.period or None) if period is None else positive(f"{name}: period", period)
+    trial = stage_with(given or 0.05, substeps)
+    bounded = bool(np.isfinite([trial.lower, trial.upper]).all())
+    if weights is None and not bounded:
+        raise InputError(f"{name}: limits: expected limits of each input, from which the weights follow")
+    times = times_of(trial, speed, at) if points is not None and bounded else Times(0.0, 0.0, 0.0)
+    if horizon is None and any(times):
+        given, horizon = suggested_periods(times, given)
+    horizon = at_least(f"{name}: horizon", 20 if horizon is None else horizon, 2)
+    stage = stage_with(given or 0.05, substeps)
+    if weights is None:
+        weights, changes = suggested_weights(stage, acceptance, at)
+        rate_weights = changes if rate_weights is None else rate_weights
     both = by_name(f"{name}: weights", weights, [*states, *inputs])
     if not any(both[key] for key in states):
         raise InputError(f"{name}: weights: expected a positive weight of at least one state")
-    changes = by_name(f"{name}: rate_weights", rate_weights or {}, inputs)
-    points = None if waypoints is None else points_of(name, waypoints)
-    stage = stage_of(
-        name, block, period, limits, rate_limits, obstacles, clearance, position, params, substeps,
-        planar=points is not None,
-    )  # fmt: skip
+    rated = by_name(f"{name}: rate_weights", rate_weights or {}, inputs)
     if points is not None:
         way_around(np.vstack([points[:1], points]), stage.obstacles)  # refuses waypoints within obstacles
     Q, R, S = (
         np.array(list(of))
-        for of in ((both[key] for key in states), (both[key] for key in inputs), changes.values())
+        for of in ((both[key] for key in states), (both[key] for key in inputs), rated.values())
     )
-    return MPC(
-        stage,
-        horizon,
-        (Q, R, S),
-        positive(f"{name}: final", final),
-        points,
-        positive(f"{name}: speed", speed),
-        heading,
-        solver,
-        name,
-    )
+    way = None if points is None else WayReference(stage, points, speed, times.stop, at)
+    return MPC(stage, horizon, (Q, R, S), final, way, acceptance, solver, name)

@@ -7,7 +7,7 @@ SIAM Journal on Control and Optimization 43 (2005)). All derivatives are exact, 
 
 from __future__ import annotations
 
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,9 @@ Solver = Literal["rti", "ipopt"]
 
 #: Absolute and relative tolerance of OSQP on the residuals of a quadratic program.
 TOLERANCE = 1e-5
+
+#: What OSQP says of residuals within ten times its tolerance; the plan is judged by its predicted cost.
+ACCEPTED = ("solved inaccurate",)
 
 #: Options of OSQP, the quickest of CasADi's quadratic solvers on C17's craft (`python -m benchmarks mpc`).
 _OSQP = {
@@ -44,14 +47,21 @@ class Memory(NamedTuple):
         The last input [unit].
     progress : float
         Length along the waypoints' path [m].
-    started : bool
-        False before the first sample.
+    samples : int
+        Number of samples so far.
+    failures : int
+        Number of samples at which the solver failed and the last plan went on.
     """
 
     w: Array
     u: Array
     progress: float
-    started: bool
+    samples: int
+    failures: int
+
+
+class UnsolvedError(Exception):
+    """The solver has no solution; the text says why."""
 
 
 class Optimizer:
@@ -98,18 +108,33 @@ class Optimizer:
         Returns
         -------
         ndarray, shape (n_w,)
-            Not finite if the solver fails.
+
+        Raises
+        ------
+        UnsolvedError
+            If the solver fails, or a derivative of the problem is not finite.
         """
         q, n = self._problem, start.size
         lower, upper = q.lbx.copy(), q.ubx.copy()
         lower[:n] = upper[:n] = start
         if self._solver == "ipopt":
-            result = self._ipopt(x0=w, p=p, lbx=lower, ubx=upper, lbg=q.lbg, ubg=q.ubg)
-        else:
-            gradient, rest, jacobian = self._linear(w, p)
-            rest = np.asarray(rest).ravel()
-            result = self._qp(
-                h=self._hessian, g=gradient, a=jacobian, lba=q.lbg - rest, uba=q.ubg - rest,
-                lbx=lower, ubx=upper, x0=w,
-            )  # fmt: skip
-        return np.asarray(result["x"]).ravel()
+            return self._solved(self._ipopt, x0=w, p=p, lbx=lower, ubx=upper, lbg=q.lbg, ubg=q.ubg)
+        gradient, rest, jacobian = self._linear(w, p)
+        rest = np.asarray(rest).ravel()
+        if not (np.isfinite(rest).all() and np.isfinite(jacobian.nonzeros()).all()):
+            raise UnsolvedError("no finite derivatives along the plan")
+        return self._solved(
+            self._qp, h=self._hessian, g=gradient, a=jacobian, lba=q.lbg - rest, uba=q.ubg - rest,
+            lbx=lower, ubx=upper, x0=w,
+        )  # fmt: skip
+
+    def _solved(self, solver: Any, **problem: Any) -> Array:
+        """Return the solution if the solver has one; after a failure it returns any numbers."""
+        try:
+            result = solver(**problem)
+        except RuntimeError as error:  # numbers that the solver refuses
+            raise UnsolvedError(f"{self._solver}: {str(error).strip().splitlines()[-1]}") from None
+        status, found = solver.stats(), np.asarray(result["x"]).ravel()
+        if not (status["success"] or status["return_status"] in ACCEPTED) or not np.isfinite(found).all():
+            raise UnsolvedError(f"{self._solver}: {status['return_status']}")
+        return found

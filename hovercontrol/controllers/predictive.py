@@ -7,24 +7,31 @@ solution and runs in loops.
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Mapping
 from functools import cached_property
 
 import numpy as np
-from control import NonlinearIOSystem, TimeResponseData, nlsys
+from control import NonlinearIOSystem, nlsys
 from numpy.typing import ArrayLike, NDArray
 
-from hovercontrol.controllers.optimizer import Memory, Optimizer, Solver
+from hovercontrol.controllers.approach import (
+    ControlledResponse,
+    passed,
+    reference_status,
+    way_status,
+)
+from hovercontrol.controllers.closed_loop import Motion
+from hovercontrol.controllers.optimizer import Memory, Optimizer, Solver, UnsolvedError
+from hovercontrol.controllers.plans import Planner, Sample
 from hovercontrol.controllers.shooting import Stage, transcribe
 from hovercontrol.controllers.way_reference import WayReference
-from hovercontrol.core.arguments import as_row, at_least, whole_periods
+from hovercontrol.core.arguments import as_row, at_least
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
-from hovercontrol.core.functions import numpy_functions
+from hovercontrol.core.caller import caller_level
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.io.tables import positive
-from hovercontrol.simulation.given import initial_state
-from hovercontrol.simulation.trajectory import time_response
 
 Array = NDArray[np.float64]
 
@@ -42,12 +49,10 @@ class MPC:
         Of states, inputs and changes of inputs.
     final : float
         Factor on the states' weights at the end of the horizon.
-    waypoints : ndarray, shape (n, 2), optional
-        Positions [m].
-    speed : float
-        Speed along the waypoints [m/s].
-    heading : str
-        The state that is the heading.
+    way : WayReference, optional
+        The reference along waypoints.
+    acceptance : float
+        Distance within which a waypoint counts as reached [m].
     solver : {"rti", "ipopt"}
     name : str
 
@@ -55,6 +60,8 @@ class MPC:
     ----------
     tracked : tuple of str
         Names of the states with a weight.
+    weights, rate_weights : dict of str to float
+        Of the states and inputs, and of the changes of inputs, by name [1/unit^2].
     """
 
     def __init__(
@@ -63,22 +70,26 @@ class MPC:
         horizon: int,
         weights: tuple[Array, Array, Array],
         final: float,
-        waypoints: Array | None,
-        speed: float,
-        heading: str,
+        way: WayReference | None,
+        acceptance: float,
         solver: Solver,
         name: str,
     ) -> None:
         self.stage, self.name, self.solver = stage, name, solver
+        states, inputs = stage.plant.states, [s.name for s in stage.plant.inputs]
+        values = np.concatenate(weights[:2]).tolist()
+        self.weights = dict(zip([*(s.name for s in states), *inputs], values, strict=True))
+        self.rate_weights = dict(zip(inputs, weights[2].tolist(), strict=True))
         self._every = np.flatnonzero(weights[0]).tolist()
-        self.tracked = tuple(stage.plant.states[i].name for i in self._every)
-        names = [s.name for s in stage.plant.states]
-        at = names.index(heading) if heading in names else -1
-        self._way = None if waypoints is None else WayReference(stage, waypoints, speed, at)
+        self._own_weights = weights[0][self._every]
+        self.tracked = tuple(states[i].name for i in self._every)
+        self._way, self._acceptance = way, acceptance
         self.problem = transcribe(stage, horizon, weights, final, self._every)
         self._step = stage.step(stage.period)
-        self._optimizer = Optimizer(self.problem, solver, self._step.is_a("SXFunction"))
-        self._angles = np.array([stage.plant.states[i].unit == "rad" for i in self._every])
+        optimizer = Optimizer(self.problem, solver, self._step.is_a("SXFunction"))
+        self._planner = Planner(stage, self.problem, optimizer, weights[1])
+        self._units = [states[i].unit for i in self._every]
+        self._angles = np.array([unit == "rad" for unit in self._units])
         self.reset()
 
     def __repr__(self) -> str:
@@ -102,7 +113,7 @@ class MPC:
     @cached_property
     def _fresh(self) -> Memory:
         rest = np.clip(0.0, self.stage.lower, self.stage.upper)
-        return Memory(np.zeros(self.problem.lbx.size), rest, 0.0, False)
+        return Memory(np.zeros(self.problem.lbx.size), rest, 0.0, 0, 0)
 
     @checked
     def control(self, x: ArrayLike, reference: Mapping[str, ArrayLike] | None = None) -> Array:
@@ -127,8 +138,15 @@ class MPC:
             If a name or a shape is wrong, or the solver finds no finite solution.
         """
         x0 = as_row(f"{self.name}: x", x, len(self.plant.states))
-        u, self._memory = self._solve(self._memory, x0, self._reference(reference))
+        u, self._memory, note = self._solve(self._memory, x0, self._reference(reference))
+        if note:
+            self._warn(note)
         return u
+
+    @property
+    def failures(self) -> int:
+        """Number of samples so far at which the solver failed and the last plan went on."""
+        return self._memory.failures
 
     @property
     def predicted(self) -> dict[str, Array]:
@@ -152,34 +170,48 @@ class MPC:
 
     # ---- one sample ----------------------------------------------------------------------------------
 
-    def _solve(self, memory: Memory, x0: Array, given: Mapping[str, Array]) -> tuple[Array, Memory]:
+    def _solve(self, memory: Memory, x0: Array, given: Mapping[str, Array]) -> tuple[Array, Memory, str]:
+        """Return the inputs, what is kept, and a note where no new plan was found or the first one rests."""
         progress, r = self._references(memory.progress, x0, given)
-        w = self._shifted(memory, x0)
-        found = self._optimizer.optimum(w, np.r_[x0, memory.u], r.ravel(order="F"))
-        if not np.isfinite(found).all():
-            raise InputError(f"{self.name}: no finite solution from the state {x0.tolist()}")
+        at = Sample(memory.samples, x0, memory.u, r.ravel(order="F"))
+        try:
+            plan = self._planner.plan(self._shifted(memory, x0), at)
+        except UnsolvedError as error:
+            raise InputError(f"{self.name}: no plan from the state {x0.tolist()}: {error}") from None
+        errors, note = r[:, 0] - x0[self._every], ""
+        if plan.fault:
+            note = f"no new plan at sample {memory.samples}, the last one goes on: {plan.fault}"
+        elif not (memory.samples or plan.moves) and errors.any():
+            note = (
+                "the first plan holds the inputs: no other within their limits is predicted to cost less, "
+                f"though {self._status(np.tile(errors, (4, 1)))}"
+            )
         # the solver meets the limits to its tolerance; the command meets them exactly
         fast = self.stage.rate * self.stage.period
         low, high = (
             np.maximum(self.stage.lower, memory.u - fast),
             np.minimum(self.stage.upper, memory.u + fast),
         )
-        first = np.clip(found[self.problem.inputs[0]], low, high)
-        return first, Memory(found, first, progress, True)
+        first = np.clip(plan.w[self.problem.inputs[0]], low, high)
+        failures = memory.failures + bool(plan.fault)
+        return first, Memory(plan.w, first, progress, memory.samples + 1, failures), note
 
     def _shifted(self, memory: Memory, x0: Array) -> Array:
-        """Return the previous solution one period later; at first, the motion with constant inputs."""
+        """Return the previous solution one period later; at first constant inputs."""
         problem = self.problem
-        if memory.started:
-            x, u = memory.w[problem.states], memory.w[problem.inputs]
-            u = np.vstack([u[1:], u[-1:]])
-            last = np.asarray(self._step(x[-1], u[-1])).ravel()
-            return problem.join(np.vstack([x0, x[2:], last]), u, memory.u)
-        u = np.tile(memory.u, (problem.horizon, 1))
-        motion = [x0]
-        for row in u:
-            motion.append(np.asarray(self._step(motion[-1], row)).ravel())
-        return problem.join(np.array(motion), u, memory.u)
+        if not memory.samples:
+            u = np.tile(memory.u, (problem.horizon, 1))
+            return problem.join(np.tile(x0, (problem.horizon + 1, 1)), u, memory.u)
+        x, u = memory.w[problem.states], memory.w[problem.inputs]
+        u = np.vstack([u[1:], u[-1:]])
+        last = np.asarray(self._step(x[-1], u[-1])).ravel()
+        return problem.join(np.vstack([x0, x[2:], last]), u, memory.u)
+
+    def _warn(self, text: str) -> None:
+        warnings.warn(f"{self.name}: {text}", stacklevel=caller_level())
+
+    def _status(self, errors: Array) -> str:
+        return reference_status(errors, self.tracked, self._units, self._own_weights)
 
     def _references(self, progress: float, x0: Array, given: Mapping[str, Array]) -> tuple[float, Array]:
         N = self.problem.horizon
@@ -220,12 +252,15 @@ class MPC:
         def solved(z: Array, y: Array) -> tuple[Array, Array]:
             key = np.r_[z, y].tobytes()
             if key not in last:
-                memory = Memory(z[:n_w], z[n_w : n_w + m], float(z[-2]), bool(z[-1]))
+                memory = Memory(z[:n_w], z[n_w : n_w + m], float(z[-3]), int(z[-2]), int(z[-1]))
                 values = zip(wanted, y[len(states) :], strict=True)
                 given = {k.removesuffix("_ref"): np.full(self.problem.horizon + 1, v) for k, v in values}
-                command, after = self._solve(memory if memory.started else fresh, y[: len(states)], given)
+                memory = memory if memory.samples else fresh
+                command, after, note = self._solve(memory, y[: len(states)], given)
+                if note:
+                    self._warn(note)
                 last.clear()
-                last[key] = command, np.r_[after.w, after.u, after.progress, 1.0]
+                last[key] = command, np.r_[after.w, after.u, after.progress, after.samples, after.failures]
             return last[key]
 
         return nlsys(
@@ -233,7 +268,7 @@ class MPC:
             lambda t, z, y, params: solved(z, y)[0],
             inputs=[*states, *wanted],
             outputs=[s.name for s in self.plant.inputs],
-            states=n_w + m + 2,
+            states=n_w + m + 3,
             dt=self.stage.period,
             name=name or self.name,
         )
@@ -247,7 +282,7 @@ class MPC:
         reference: Mapping[str, ArrayLike] | None = None,
         plant: Block | None = None,
         rows: int = 5,
-    ) -> TimeResponseData:
+    ) -> ControlledResponse:
         """Return the motion of the plant in closed loop, from a new start of the controller.
 
         Parameters
@@ -265,13 +300,19 @@ class MPC:
 
         Returns
         -------
-        control.TimeResponseData
-            Outputs, states and inputs of the plant.
+        ControlledResponse
+            Outputs, states and inputs of the plant; ``status`` says what was reached, ``waypoints`` how near
+            each waypoint was passed, ``failures`` when the solver failed.
 
         Raises
         ------
         InputError
             If a name, a number or a shape is wrong, or the simulation fails.
+
+        Warns
+        -----
+        UserWarning
+            If a waypoint or the reference is not reached and comes no closer, or the solver failed.
         """
         period = self.stage.period
         periods = at_least(
@@ -279,39 +320,39 @@ class MPC:
         )
         at_least(f"{self.name}: rows", rows, 1)
         truth = plant if plant is not None else self.plant
-        if truth.period:
-            return self._stepped(truth, periods, x0, reference)
-        run = truth.compile().start(x0)
+        motion = Motion(f"{self.name}: period", truth, x0, period, rows)
         self.reset()
-        x, y, u = [run.state], [run.outputs], []
-        for _ in range(periods):
-            command = self.control(run.state, reference)
-            for _ in range(rows):
-                y.append(run.step(command, period / rows))
-                x.append(run.state)
-                u.append(command)
-        u.append(u[-1])
-        times = np.arange(float(len(y))) * (period / rows)
-        return time_response(truth, times, np.array(y).T, np.array(x).T, np.array(u).T)
+        given, errors, notes = self._reference(reference), [], {}
+        for k in range(periods):
+            now = motion.state
+            command, self._memory, note = self._solve(self._memory, now, given)
+            if note:
+                notes[k * period] = note
+            if not self._way:
+                errors.append(self._references(0.0, now, given)[1][:, 0] - now[self._every])
+            motion.hold(command)
+        found = motion.response()
+        self._judge(found, np.array(errors), notes)
+        return found
 
-    def _stepped(
-        self,
-        truth: Block,
-        periods: int,
-        x0: Mapping[str, float] | ArrayLike | None,
-        reference: Mapping[str, ArrayLike] | None,
-    ) -> TimeResponseData:
-        """Return the motion of a sampled plant in closed loop: x(k + 1) = f(x(k), u(k)), u from the plan."""
-        f = numpy_functions(truth)
-        steps = whole_periods(f"{self.name}: period", self.stage.period, truth.period)
-        self.reset()
-        x: list[Array] = [initial_state(truth, x0)]
-        u: list[Array] = []
-        for _ in range(periods):
-            command = self.control(x[-1], reference)
-            for _ in range(steps):
-                x.append(f.derivatives(len(u) * truth.period, x[-1], command))
-                u.append(command)
-        states, inputs = np.array(x).T, np.array([*u, u[-1]]).T
-        times = np.arange(float(len(x))) * truth.period
-        return time_response(truth, times, f.outputs(times, states, inputs), states, inputs)
+    def _judge(self, run: ControlledResponse, errors: Array, notes: Mapping[float, str]) -> None:
+        """Set what a run reached, and warn of what it did not and of failures."""
+        first = 0.0 if notes.get(0.0) and not self.failures else None  # the first plan rests
+        run.failures = tuple(t for t in notes if t != first)
+        run.waypoints = ()
+        if self._way:
+            time, path = np.asarray(run.time), np.asarray(run.states)[list(self.stage.position)]
+            points, speed = self._way.waypoints, self._way.speed
+            run.waypoints = passed(time, path, points, self._acceptance)
+            run.status = way_status(time, path, run.waypoints, self._acceptance, speed)
+        else:
+            run.status = self._status(errors)
+        if first is not None:
+            self._warn(notes[first])
+        if run.failures:
+            self._warn(
+                f"the solver failed at {len(run.failures)} samples and the last plan went on; at "
+                f"{run.failures[0]:g} s: {notes[run.failures[0]]}"
+            )
+        if run.status not in ("reached", "on the way"):
+            self._warn(f"{run.status}; other weights, a longer horizon or wider limits may reach it")

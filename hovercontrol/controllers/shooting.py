@@ -136,6 +136,8 @@ class Problem:
         Places of the inputs in w.
     held : ndarray of int, shape (horizon + 1, n_inputs)
         Places of the previous inputs in w.
+    prediction : casadi.Function
+        ``(x_0, u_-1, [u_0 ... u_N-1], p)`` to the states ``[x_0 ... x_N]`` of the plant and the cost.
     """
 
     nlp: dict[str, Any]
@@ -146,6 +148,7 @@ class Problem:
     states: Places
     inputs: Places
     held: Places
+    prediction: Any
 
     @property
     def horizon(self) -> int:
@@ -157,6 +160,30 @@ class Problem:
         w = np.zeros(self.lbx.size)
         w[self.states], w[self.inputs], w[self.held] = x, u, np.vstack([before, u])
         return w
+
+    def predict(self, x0: Array, before: Array, plans: Array, p: Array) -> tuple[Array, Array]:
+        """Return the motion under several plans and the cost of each, infinite if it is not finite.
+
+        Parameters
+        ----------
+        x0 : ndarray, shape (n_states,)
+        before : ndarray, shape (n_inputs,)
+            The input before.
+        plans : ndarray, shape (n_plans, horizon, n_inputs)
+        p : ndarray, shape (n_p,)
+
+        Returns
+        -------
+        ndarray, shape (n_plans, horizon + 1, n_states)
+        ndarray, shape (n_plans,)
+        """
+        count, N, m = plans.shape
+        first, last, given = (np.tile(column[:, None], count) for column in (x0, before, p))
+        columns = plans.transpose(2, 0, 1).reshape(m, count * N)
+        motion, cost = self.prediction.map(count)(first, last, columns, given)
+        states = np.array(motion).reshape(-1, count, N + 1).transpose(1, 2, 0)
+        found = np.array(cost).ravel()
+        return states, np.where(np.isfinite(found), found, np.inf)
 
 
 def transcribe(
@@ -195,9 +222,12 @@ def transcribe(
     change = u - v[:, :-1]
     scale = np.ones((1, N + 1))
     scale[0, -1] = final
-    cost = ca.sum2(ca.mtimes(Q.T, (x[list(every), :] - r) ** 2) * ca.DM(scale))
-    cost += ca.sum2(ca.mtimes(R.T, u**2)) + ca.sum2(ca.mtimes(S.T, change**2))
-    cost += SLACK[0] * ca.sum1(ca.vec(s)) + SLACK[1] * ca.sumsqr(s)
+
+    def cost(x: Any, u: Any, change: Any, s: Any) -> Any:
+        total = ca.sum2(ca.mtimes(Q.T, (x[list(every), :] - r) ** 2) * ca.DM(scale))
+        total += ca.sum2(ca.mtimes(R.T, u**2)) + ca.sum2(ca.mtimes(S.T, change**2))
+        return total + SLACK[0] * ca.sum1(ca.vec(s)) + SLACK[1] * ca.sumsqr(s)
+
     limited = np.flatnonzero(np.isfinite(stage.rate)).tolist()
     fast = stage.rate[limited] * stage.period
     # F(x_k, u_k) - x_k+1 = 0,  u_k - v_k+1 = 0,  |u_k - v_k| <= rate h,  g(x_k) + s_k >= 0
@@ -215,5 +245,12 @@ def transcribe(
     lower, upper = np.full(w.size1(), -np.inf), np.full(w.size1(), np.inf)
     lower[inputs], upper[inputs] = stage.lower, stage.upper
     lower[slacks] = 0.0
-    nlp = {"x": w, "p": ca.vec(r), "f": cost, "g": ca.vertcat(*rows)}
-    return Problem(nlp, lower, upper, np.concatenate(low_g), np.concatenate(high_g), states, inputs, held)
+    nlp = {"x": w, "p": ca.vec(r), "f": cost(x, u, change, s), "g": ca.vertcat(*rows)}
+    # the same cost of x_k+1 = F(x_k, u_k) and the least slacks, s_k = max(0, -g(x_k))
+    x0, v0, plan = ca.MX.sym("x0", n), ca.MX.sym("v0", m), ca.MX.sym("plan", m, N)
+    motion = ca.horzcat(x0, F.mapaccum(N)(x0, plan))
+    least = ca.fmax(0, -room.map(N - 1)(motion[:, 1:-1]))
+    found = cost(motion, plan, plan - ca.horzcat(v0, plan[:, :-1]), least)
+    prediction = ca.Function("prediction", [x0, v0, plan, ca.vec(r)], [motion, found])
+    bounds = lower, upper, np.concatenate(low_g), np.concatenate(high_g)
+    return Problem(nlp, *bounds, states, inputs, held, prediction)

@@ -171,12 +171,25 @@ def simulate(
 
 
 def time_response(
-    block: Block, times: Array, outputs: Array, states: Array, u: Array, *, held: bool = True
+    block: Block,
+    times: Array,
+    outputs: Array,
+    states: Array,
+    u: Array,
+    *,
+    held: bool = True,
+    kind: type[Response] | None = None,
 ) -> Response:
-    """Return a simulation's arrays, each of shape (signals, times), as a response with names and units."""
+    """Return a simulation's arrays, each of shape (signals, times), as a response with names and units.
+
+    Parameters
+    ----------
+    kind : type, optional
+        Class of the response (default: :class:`.Response`).
+    """
     from hovercontrol.simulation.response import Response  # the import takes a second; done only when needed
 
-    response = Response(
+    response = (kind or Response)(
         times,
         outputs,
         states,

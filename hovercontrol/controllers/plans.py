@@ -1,0 +1,191 @@
+"""The plan of a sample: the solver's, or another one that is predicted to cost less.
+
+A solver follows derivatives. At rest the thrust ``k n abs(n)`` of a propeller has none by its speed n, a
+command within a dead zone has none, and of a product of two commands neither has one while the other is zero:
+there the solver finds a stationary point that is no minimum, and stays. So plans are compared by their
+predicted cost, which needs no derivatives:
+
+- the last plan, shifted by one period, and points between it and the solver's (a line search),
+- for each input, each pair of inputs (of up to three inputs all together) and each direction a constant,
+  among the bounds, in place of the last plan.
+
+If a constant costs least, the solver begins again from it. The plan with the least predicted cost is taken.
+"""
+
+from __future__ import annotations
+
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hovercontrol.controllers.optimizer import Optimizer, UnsolvedError
+from hovercontrol.controllers.shooting import Problem, Stage
+from hovercontrol.core.singular import finite_jacobian
+from hovercontrol.errors import InputError
+
+Array = NDArray[np.float64]
+
+#: Points between the last plan and the solver's, as fractions of the way to the solver's.
+LINE = 0.5 ** np.arange(6)
+#: Constants that are tried, as fractions of the largest; each is within a factor 2 of every one between.
+SIZES = 0.25 ** np.arange(5)
+#: Up to this number of inputs all are moved together, with more of them one or two at a time.
+TOGETHER = 3
+
+
+class Plan(NamedTuple):
+    """A plan, and how it was found.
+
+    Parameters
+    ----------
+    w : ndarray, shape (n_w,)
+        The unknowns.
+    fault : str
+        Why the solver has none, else empty.
+    moves : bool
+        Whether it is predicted to cost less than the inputs before, held.
+    """
+
+    w: Array
+    fault: str
+    moves: bool
+
+
+class Sample(NamedTuple):
+    """What is known at a sample.
+
+    Parameters
+    ----------
+    number : int
+        Constants of all sizes are tried at sample 0, later of one size at each.
+    x : ndarray, shape (n_states,)
+    before : ndarray, shape (n_inputs,)
+        The input before.
+    p : ndarray, shape (n_p,)
+        The references.
+    """
+
+    number: int
+    x: Array
+    before: Array
+    p: Array
+
+
+class Planner:
+    """Chooses the plan of each sample.
+
+    Parameters
+    ----------
+    stage : Stage
+    problem : Problem
+    optimizer : Optimizer
+    weights : ndarray, shape (n_inputs,)
+        Of the squared inputs.
+    """
+
+    def __init__(self, stage: Stage, problem: Problem, optimizer: Optimizer, weights: Array) -> None:
+        self._stage, self._problem, self._optimizer, self._weights = stage, problem, optimizer, weights
+        self._directions = directions(len(stage.lower))
+        self._rest = np.clip(0.0, stage.lower, stage.upper)
+
+    def plan(self, last: Array, at: Sample) -> Plan:
+        """Return the plan of a sample.
+
+        Parameters
+        ----------
+        last : ndarray, shape (n_w,)
+            The last plan, shifted.
+
+        Raises
+        ------
+        UnsolvedError
+            If the cost of no plan is finite, or at the first sample if a derivative is not.
+        """
+        u = last[self._problem.inputs]
+        held = np.broadcast_to(at.before, u.shape)
+        states, (least, stay) = self._predicted(np.array([u, held]), at)
+        w = last if at.number else self._problem.join(states[0], u, at.before)
+        w, least, fault = self._improved(w, float(least), at)
+        constants = self._limited(self._constants(u, least, at.number), at.before)
+        states, costs = self._predicted(constants, at)
+        k = int(np.argmin(costs))
+        if costs[k] < least:
+            other = self._problem.join(states[k], constants[k], at.before)
+            w, least, fault = self._improved(other, float(costs[k]), at)
+        if not np.isfinite(least):
+            raise UnsolvedError(fault or "no finite prediction")
+        return Plan(w, fault, least < stay)
+
+    def _predicted(self, plans: Array, at: Sample) -> tuple[Array, Array]:
+        return self._problem.predict(at.x, at.before, plans, at.p)
+
+    def _improved(self, w: Array, cost: float, at: Sample) -> tuple[Array, float, str]:
+        """Return a plan or the best one on the line to the solver's, its cost, and why there is no other."""
+        u = w[self._problem.inputs]
+        try:
+            found = self._optimizer.optimum(w, np.r_[at.x, at.before], at.p)
+        except UnsolvedError as error:
+            singular = self._singular(w)
+            if singular and not at.number:
+                raise UnsolvedError(singular) from None
+            return w, cost, singular or str(error)
+        line = u + LINE[:, None, None] * (found[self._problem.inputs] - u)
+        plans = self._limited(line, at.before)
+        states, costs = self._predicted(plans, at)
+        k = int(np.argmin(costs))
+        if not costs[k] < cost:
+            return w, cost, ""
+        return (found if k == 0 else self._problem.join(states[k], plans[k], at.before)), float(costs[k]), ""
+
+    def _singular(self, w: Array) -> str:
+        """Return where along a plan the plant has no finite derivatives; empty if it has them."""
+        plant, problem = self._stage.plant, self._problem
+        params = dict(zip(plant.default_parameters, self._stage.parameters, strict=True))
+        x, u = w[problem.states[:-1]].T, w[problem.inputs].T
+        try:
+            for columns in ("states", "inputs"):
+                finite_jacobian(plant, np.zeros(x.shape[1]), x, u, params, columns=columns)
+        except InputError as error:
+            return str(error)
+        return ""
+
+    def _constants(self, last: Array, cost: float, sample: int) -> Array:
+        """Return the last plan with some inputs constant, shape (n_plans, horizon, n_inputs)."""
+        # an input u held over N periods costs N R u^2 alone: not above the cost that is already predicted
+        with np.errstate(divide="ignore"):
+            dear = np.sqrt(cost / (len(last) * self._weights))
+        nominal = np.array([s.nominal for s in self._stage.plant.inputs])
+        room = np.stack([self._rest - self._stage.lower, self._stage.upper - self._rest])
+        largest = np.minimum(room, dear)
+        largest = np.where(np.isfinite(largest), largest, nominal / SIZES[-1])
+        sizes = SIZES if not sample else SIZES[[sample % len(SIZES)]]
+        below, above = np.minimum(self._directions, 0.0), np.maximum(self._directions, 0.0)
+        levels = self._rest + sizes[:, None, None] * (below * largest[0] + above * largest[1])
+        fixed = np.broadcast_to(self._directions != 0.0, levels.shape).reshape(-1, 1, len(self._rest))
+        return np.where(fixed, levels.reshape(fixed.shape), last)
+
+    def _limited(self, plans: Array, before: Array) -> Array:
+        """Return plans within the bounds of the inputs and of their rates."""
+        stage = self._stage
+        plans = np.clip(plans, stage.lower, stage.upper)
+        fast = stage.rate * stage.period
+        if np.isfinite(fast).any():
+            for k in range(plans.shape[1]):
+                now = plans[:, k - 1] if k else before
+                plans[:, k] = np.clip(plans[:, k], now - fast, now + fast)
+        return plans
+
+
+def directions(m: int) -> Array:
+    """Return in which directions inputs are moved: -1, 0 or 1 for each of m inputs, shape (n, m).
+
+    Examples
+    --------
+    >>> [len(directions(m)) for m in (1, 2, 3, 6)]
+    [2, 8, 26, 72]
+    """
+    together = m if m <= TOGETHER else 2
+    every = product((-1.0, 0.0, 1.0), repeat=m)
+    return np.array([p for p in every if 0 < np.count_nonzero(p) <= together])
