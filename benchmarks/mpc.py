@@ -1,7 +1,7 @@
 """Model predictive control of C17's craft: limits, an obstacle, 20 steps ahead, 20 samples a second, 60 s.
 
-Times are processor time of one thread for ``control(x)``, a whole sample: reference, linearisation, quadratic
-program. The compiled Block is the plant.
+Times are processor time of one thread for a whole sample: reference, linearisation, quadratic program,
+comparison of plans. The compiled Block is the plant.
 """
 
 from __future__ import annotations
@@ -24,6 +24,8 @@ def closed_loop(solver: Any, duration: float) -> tuple[Any, np.ndarray[Any, Any]
     """Return the motion, and the time of each sample [s]."""
     controller = hc.mpc(
         hc.vehicle("c17_simulation"),
+        period=0.05,
+        horizon=20,
         weights=WEIGHTS,
         rate_weights={"thrust": 0.05, "rudder": 0.5},
         limits=LIMITS,
@@ -31,7 +33,7 @@ def closed_loop(solver: Any, duration: float) -> tuple[Any, np.ndarray[Any, Any]
         waypoints=WAYPOINTS,
         solver=solver,
     )
-    own, times = controller.control, []
+    own, times = controller._solve, []
 
     def timed(*args: Any) -> Any:
         begin = thread_time()
@@ -39,7 +41,7 @@ def closed_loop(solver: Any, duration: float) -> tuple[Any, np.ndarray[Any, Any]
         times.append(thread_time() - begin)
         return found
 
-    controller.control = timed  # type: ignore[assignment,method-assign]
+    controller._solve = timed  # type: ignore[method-assign]
     return controller.simulate(duration), np.array(times)
 
 

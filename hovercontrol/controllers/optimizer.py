@@ -26,7 +26,7 @@ ACCEPTED = ("solved inaccurate",)
 
 #: Options of OSQP, the quickest of CasADi's quadratic solvers on C17's craft (`python -m benchmarks mpc`).
 _OSQP = {
-    "osqp": {"verbose": False, "eps_abs": TOLERANCE, "eps_rel": TOLERANCE, "max_iter": 2000},
+    "osqp": {"verbose": False, "eps_abs": TOLERANCE, "eps_rel": TOLERANCE, "max_iter": 10000},
     "error_on_fail": False,
 }
 _IPOPT = {

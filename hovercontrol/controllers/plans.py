@@ -20,15 +20,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hovercontrol.controllers.optimizer import Optimizer, UnsolvedError
+from hovercontrol.controllers.optimizer import TOLERANCE, Optimizer, UnsolvedError
 from hovercontrol.controllers.shooting import Problem, Stage
 from hovercontrol.core.singular import finite_jacobian
 from hovercontrol.errors import InputError
 
 Array = NDArray[np.float64]
 
-#: Points between the last plan and the solver's, as fractions of the way to the solver's.
-LINE = 0.5 ** np.arange(6)
+#: Points between a plan and the solver's, as fractions of the way to the solver's, if that one costs more.
+LINE = 0.5 ** np.arange(1, 6)
 #: Constants that are tried, as fractions of the largest; each is within a factor 2 of every one between.
 SIZES = 0.25 ** np.arange(5)
 #: Up to this number of inputs all are moved together, with more of them one or two at a time.
@@ -45,7 +45,7 @@ class Plan(NamedTuple):
     fault : str
         Why the solver has none, else empty.
     moves : bool
-        Whether it is predicted to cost less than the inputs before, held.
+        Whether it is predicted to cost less than constant inputs, at the first sample.
     """
 
     w: Array
@@ -89,6 +89,8 @@ class Planner:
         self._stage, self._problem, self._optimizer, self._weights = stage, problem, optimizer, weights
         self._directions = directions(len(stage.lower))
         self._rest = np.clip(0.0, stage.lower, stage.upper)
+        self._room = np.stack([self._rest - stage.lower, stage.upper - self._rest])
+        self._nominal = np.array([s.nominal for s in stage.plant.inputs])
 
     def plan(self, last: Array, at: Sample) -> Plan:
         """Return the plan of a sample.
@@ -103,25 +105,26 @@ class Planner:
         UnsolvedError
             If the cost of no plan is finite, or at the first sample if a derivative is not.
         """
-        u = last[self._problem.inputs]
-        held = np.broadcast_to(at.before, u.shape)
-        states, (least, stay) = self._predicted(np.array([u, held]), at)
-        w = last if at.number else self._problem.join(states[0], u, at.before)
-        w, least, fault = self._improved(w, float(least), at)
-        constants = self._limited(self._constants(u, least, at.number), at.before)
+        stay = np.inf
+        if not at.number:  # the first plan has constant inputs
+            u = last[self._problem.inputs]
+            states, (stay,) = self._predicted(u[None], at)
+            last = self._problem.join(states[0], u, at.before)
+        w, least, fault = self._improved(last, at)
+        constants = self._limited(self._constants(last[self._problem.inputs], least, at.number), at.before)
         states, costs = self._predicted(constants, at)
         k = int(np.argmin(costs))
         if costs[k] < least:
             other = self._problem.join(states[k], constants[k], at.before)
-            w, least, fault = self._improved(other, float(costs[k]), at)
+            w, least, fault = self._improved(other, at)
         if not np.isfinite(least):
             raise UnsolvedError(fault or "no finite prediction")
-        return Plan(w, fault, least < stay)
+        return Plan(w, fault, bool(least < stay * (1.0 - TOLERANCE)))
 
     def _predicted(self, plans: Array, at: Sample) -> tuple[Array, Array]:
         return self._problem.predict(at.x, at.before, plans, at.p)
 
-    def _improved(self, w: Array, cost: float, at: Sample) -> tuple[Array, float, str]:
+    def _improved(self, w: Array, at: Sample) -> tuple[Array, float, str]:
         """Return a plan or the best one on the line to the solver's, its cost, and why there is no other."""
         u = w[self._problem.inputs]
         try:
@@ -130,14 +133,18 @@ class Planner:
             singular = self._singular(w)
             if singular and not at.number:
                 raise UnsolvedError(singular) from None
-            return w, cost, singular or str(error)
-        line = u + LINE[:, None, None] * (found[self._problem.inputs] - u)
-        plans = self._limited(line, at.before)
+            return w, float(self._predicted(u[None], at)[1][0]), singular or str(error)
+        step = found[self._problem.inputs] - u
+        plans = self._limited(np.array([u + step, u]), at.before)
+        _, (reached, before) = self._predicted(plans, at)
+        if reached <= before:
+            return found, float(reached), ""
+        plans = self._limited(u + LINE[:, None, None] * step, at.before)
         states, costs = self._predicted(plans, at)
         k = int(np.argmin(costs))
-        if not costs[k] < cost:
-            return w, cost, ""
-        return (found if k == 0 else self._problem.join(states[k], plans[k], at.before)), float(costs[k]), ""
+        if costs[k] < before:
+            return self._problem.join(states[k], plans[k], at.before), float(costs[k]), ""
+        return w, float(before), ""
 
     def _singular(self, w: Array) -> str:
         """Return where along a plan the plant has no finite derivatives; empty if it has them."""
@@ -156,10 +163,8 @@ class Planner:
         # an input u held over N periods costs N R u^2 alone: not above the cost that is already predicted
         with np.errstate(divide="ignore"):
             dear = np.sqrt(cost / (len(last) * self._weights))
-        nominal = np.array([s.nominal for s in self._stage.plant.inputs])
-        room = np.stack([self._rest - self._stage.lower, self._stage.upper - self._rest])
-        largest = np.minimum(room, dear)
-        largest = np.where(np.isfinite(largest), largest, nominal / SIZES[-1])
+        largest = np.minimum(self._room, dear)
+        largest = np.where(np.isfinite(largest), largest, self._nominal / SIZES[-1])
         sizes = SIZES if not sample else SIZES[[sample % len(SIZES)]]
         below, above = np.minimum(self._directions, 0.0), np.maximum(self._directions, 0.0)
         levels = self._rest + sizes[:, None, None] * (below * largest[0] + above * largest[1])

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -161,6 +162,10 @@ class Problem:
         w[self.states], w[self.inputs], w[self.held] = x, u, np.vstack([before, u])
         return w
 
+    @lru_cache(maxsize=8)  # noqa: B019  (the object lives as long as its controller)
+    def _predictions(self, count: int) -> Any:
+        return self.prediction.map(count)
+
     def predict(self, x0: Array, before: Array, plans: Array, p: Array) -> tuple[Array, Array]:
         """Return the motion under several plans and the cost of each, infinite if it is not finite.
 
@@ -180,7 +185,7 @@ class Problem:
         count, N, m = plans.shape
         first, last, given = (np.tile(column[:, None], count) for column in (x0, before, p))
         columns = plans.transpose(2, 0, 1).reshape(m, count * N)
-        motion, cost = self.prediction.map(count)(first, last, columns, given)
+        motion, cost = self._predictions(count)(first, last, columns, given)
         states = np.array(motion).reshape(-1, count, N + 1).transpose(1, 2, 0)
         found = np.array(cost).ravel()
         return states, np.where(np.isfinite(found), found, np.inf)
