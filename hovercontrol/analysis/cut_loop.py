@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from hovercontrol.core.block import Block
 from hovercontrol.core.expressions import Expressions
 from hovercontrol.core.interconnect import interconnect, rename
-from hovercontrol.core.signals import Signal
+from hovercontrol.core.signals import Signal, suffixed
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.targets.friction_slopes import Point as At
 from hovercontrol.targets.friction_slopes import Slope
@@ -24,7 +24,7 @@ Loop = Block | Sequence[Block]
 Point = ArrayLike | Mapping[str, float] | Trim
 
 #: What a signal is called where it comes back to the wire that is cut.
-RETURNED = "_returned"
+RETURNED = "returned"
 
 
 def _open(name: str, signal: str) -> InputError:
@@ -41,9 +41,9 @@ def cut_blocks(blocks: Sequence[Block], cut: Sequence[str], name: str) -> Block:
             raise InputError(f"{name}: no block drives {signal!r}{did_you_mean(signal, driven)}")
     parts = []
     for block in blocks:
-        own = {s.name: f"{s.name}{RETURNED}" for s in block.outputs if s.name in cut}
+        own = {s.name: suffixed(s.name, RETURNED) for s in block.outputs if s.name in cut}
         parts.append(rename(block, own) if own else block)
-    returned = [f"{signal}{RETURNED}" for signal in cut]
+    returned = [suffixed(signal, RETURNED) for signal in cut]
     more = [s.name for s in interconnect(parts, name, outputs=returned).inputs if s.name not in cut]
     return interconnect(parts, name, inputs=[*cut, *more], outputs=returned)
 
@@ -60,7 +60,7 @@ def _cut_whole(loop: Block, cut: Sequence[str]) -> Block:
                 else did_you_mean(name, known)
             )
             raise InputError(loop.where(f"no signal {name!r} that can be cut{hint}"))
-    returned = [known[name].replace(name=f"{name}{RETURNED}") for name in cut]
+    returned = [known[name].replace(name=suffixed(name, RETURNED)) for name in cut]
     new = {name: signal.name for name, signal in zip(cut, returned, strict=True)}
     signals = tuple(s.replace(name=new.get(s.name, s.name)) for s in loop.definition_signals)
     wires = tuple(_input(known[name]) for name in cut)

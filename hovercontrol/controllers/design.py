@@ -40,10 +40,13 @@ class Measured:
         With the name used for wiring; its start is the value at the operating point.
     angle : bool
         Whether a change by 2 pi is the same state.
+    estimated : bool
+        Whether an estimator of the plant's states has it; an output that is no state is read itself.
     """
 
     signal: Signal
     angle: bool
+    estimated: bool = True
 
 
 @dataclass(frozen=True)
@@ -254,9 +257,8 @@ def _integrals(
                 f"{where}: the output {name!r} depends on an input directly and cannot be integrated"
             )
         rows.append(C[j])
-        found.append(
-            Measured(plant.outputs[j].replace(start=operating_point.outputs(plant, point)[j]), False)
-        )
+        level = operating_point.outputs(plant, point)[j]
+        found.append(Measured(plant.outputs[j].replace(start=level), angle=False, estimated=False))
     return rows, tuple(found)
 
 

@@ -13,7 +13,7 @@ from hovercontrol.controllers.design import Design, Measured
 from hovercontrol.controllers.limits import applied_signal, limited
 from hovercontrol.core.block import Block
 from hovercontrol.core.sgn import sgn
-from hovercontrol.core.signals import Signal
+from hovercontrol.core.signals import Signal, suffixed, within_name
 from hovercontrol.core.units import dimension, unit_text
 
 Array = NDArray[np.float64]
@@ -40,9 +40,12 @@ class Form:
     measured: str
     name: str
 
-    def reads(self, signal: Signal) -> Signal:
-        """Return the input that carries a state or output."""
-        return signal.replace(name=self.measured.replace("{}", signal.name))
+    def reads(self, signal: Signal, estimated: bool = True) -> Signal:
+        """Return the input that carries a state or output; one that is not estimated carries its own name."""
+        if not estimated:
+            return signal
+        base, bracket, index = signal.name.partition("[")
+        return signal.replace(name=self.measured.replace("{}", base) + bracket + index)
 
 
 @dataclass(frozen=True)
@@ -86,7 +89,7 @@ def state_feedback(design: Design, gains: Gains, form: Form, *, applied: bool = 
     definitions = dict(part.errors)
     for j, command in enumerate(design.inputs):
         level = command.replace(
-            name=f"{command.name}_trim", description=f"{command.name} at the operating point"
+            name=suffixed(command.name, "trim"), description=f"{command.name} at the operating point"
         )
         own = [
             *part.gains(command, design.states, gains.states[j]),
@@ -97,9 +100,9 @@ def state_feedback(design: Design, gains: Gains, form: Form, *, applied: bool = 
         )
         forward = part.friction_gains(command, design, gains.friction[j])
         demand += sum((f.symbol * s for f, s in zip(forward, part.signs, strict=True)), start=sp.S.Zero)
-        definitions[f"{command.name}_demand"] = demand
+        definitions[suffixed(command.name, "demand")] = demand
         definitions[command.name], bounds = limited(
-            command, sp.Symbol(f"{command.name}_demand", real=True), form.limits
+            command, sp.Symbol(suffixed(command.name, "demand"), real=True), form.limits
         )
         parameters += [level, *own, *forward, *bounds]
     z, updates, more, reads = _integrators(design, gains, form, part, applied)
@@ -126,9 +129,9 @@ class _Parts:
             signal = m.signal
             if _error(signal) in self.errors:
                 continue
-            read = form.reads(signal)
+            read = form.reads(signal, m.estimated)
             text = f"setpoint of {signal.name}"
-            setpoint = signal.replace(name=f"{_plain(signal)}_ref", description=text)
+            setpoint = signal.replace(name=suffixed(_plain(signal), "ref"), description=text)
             difference = read.symbol - setpoint.symbol
             if m.angle:
                 difference = sp.atan2(sp.sin(difference), sp.cos(difference))
@@ -147,7 +150,7 @@ class _Parts:
         for friction in design.frictions:
             v = design.states[friction.state].signal
             width = v.replace(
-                name=f"{_plain(v)}_width",
+                name=suffixed(_plain(v), "width"),
                 description=f"width of the friction compensation in {v.name}",
                 start=friction.width,
             )
@@ -160,7 +163,7 @@ class _Parts:
         states = [design.states[f.state].signal for f in design.frictions]
         return [
             Signal(
-                f"F_{command.name}_{_plain(v)}",
+                f"F_{within_name(command.name)}_{within_name(v.name)}",
                 command.unit,
                 f"compensation in {command.name} of dry friction in {v.name}",
                 start=value,
@@ -173,7 +176,7 @@ class _Parts:
         """Return one command's gains on some states or integrals."""
         return [
             Signal(
-                f"K_{command.name}_{_plain(m.signal)}",
+                f"K_{within_name(command.name)}_{within_name(m.signal.name)}",
                 unit_of(command.unit, m.signal.unit),
                 f"gain of {command.name} on {m.signal.name}",
                 start=value,
@@ -225,13 +228,13 @@ def _integrators(
         rate = sp.Symbol(_error(m.signal), real=True)
         for j, command in able:
             gain = Signal(
-                f"L_{z.signal.name}_{command.name}",
+                f"L_{within_name(z.signal.name)}_{within_name(command.name)}",
                 unit_of(m.signal.unit, command.unit),
                 f"back-calculation of {z.signal.name} from {command.name}",
                 start=gains.windup[i, j],
             )
             put_out = applied_signal(command).symbol if applied else command.symbol
-            rate += gain.symbol * (sp.Symbol(f"{command.name}_demand", real=True) - put_out)
+            rate += gain.symbol * (sp.Symbol(suffixed(command.name, "demand"), real=True) - put_out)
             parameters.append(gain)
         updates[z.signal.name] = rate
     if form.period and updates:

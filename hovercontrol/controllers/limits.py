@@ -6,7 +6,7 @@ import math
 
 import sympy as sp
 
-from hovercontrol.core.signals import Signal
+from hovercontrol.core.signals import Signal, suffixed
 
 
 def limited(command: Signal, demand: sp.Expr, limits: bool = True) -> tuple[sp.Expr, list[Signal]]:
@@ -33,7 +33,7 @@ def limited(command: Signal, demand: sp.Expr, limits: bool = True) -> tuple[sp.E
         value = getattr(command, key)
         if limits and math.isfinite(value):
             bound = Signal(
-                f"{command.name}_{key}", command.unit, f"{key} limit of {command.name}", start=value
+                suffixed(command.name, key), command.unit, f"{key} limit of {command.name}", start=value
             )
             bounds.insert(0, bound)
             demand = clip(demand, bound.symbol)
@@ -49,4 +49,6 @@ def applied_signal(command: Signal) -> Signal:
     'thrust_applied'
     """
     text = f"{command.name} that the actuator applies"
-    return command.replace(name=f"{command.name}_applied", description=text, lower=-math.inf, upper=math.inf)
+    return command.replace(
+        name=suffixed(command.name, "applied"), description=text, lower=-math.inf, upper=math.inf
+    )

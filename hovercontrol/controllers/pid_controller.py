@@ -11,7 +11,7 @@ from hovercontrol.controllers.feedback import unit_of
 from hovercontrol.controllers.limits import applied_signal, limited
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
-from hovercontrol.core.signals import Signal
+from hovercontrol.core.signals import Signal, suffixed
 from hovercontrol.errors import InputError
 from hovercontrol.io.tables import finite, positive
 
@@ -162,7 +162,7 @@ class _Law:
 
     def __post_init__(self) -> None:
         self.setpoint = self.measured.replace(
-            name=f"{self.measured.name}_ref", description=f"setpoint of {self.measured.name}"
+            name=suffixed(self.measured.name, "ref"), description=f"setpoint of {self.measured.name}"
         )
         self.error = sp.Symbol("error", real=True)
         self.demand = sp.Symbol("demand", real=True)

@@ -11,7 +11,7 @@ import sympy as sp
 from hovercontrol.controllers import operating_point
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
-from hovercontrol.core.signals import Signal
+from hovercontrol.core.signals import Signal, suffixed, within_name
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.targets.friction_slopes import Point
 
@@ -149,13 +149,15 @@ class _Schedule:
         by_setpoint: bool,
     ) -> None:
         self.first, self.blocks = blocks[0], blocks
-        stem = variable.name.replace(".", "_")
+        stem = within_name(variable.name)
         self.points = [
             variable.replace(name=f"{stem}_{k}", description="operating point", start=v)
             for k, v in enumerate(knots)
         ]
         self.inputs = {s.name: s for s in self.first.inputs}
-        read, setpoint = measured.replace("{}", variable.name), f"{stem}_ref"
+        base, bracket, index = variable.name.partition("[")
+        read = measured.replace("{}", base) + bracket + index
+        setpoint = suffixed(variable.name.replace(".", "_"), "ref")
         if setpoint not in self.inputs:
             if by_setpoint:
                 raise InputError(f"gain_scheduled: the designs have no setpoint {setpoint!r}")
@@ -172,11 +174,11 @@ class _Schedule:
         """Return the scheduled controller."""
         for k, parameter in enumerate(self.first.parameters):
             signals = [block.parameters[k] for block in self.blocks]
-            self._take(parameter, signals, self.setpoint if parameter.name.endswith("_trim") else self.read)
+            self._take(parameter, signals, self.setpoint if _ends(parameter, "_trim") else self.read)
         inputs = []
         for signal in self.inputs.values():
             signals = [s for block in self.blocks for s in block.inputs if s.name == signal.name]
-            varies = signal.name.endswith("_ref") and signal.name != self.setpoint and not _same(signals)
+            varies = _ends(signal, "_ref") and signal.name != self.setpoint and not _same(signals)
             if varies:
                 self._take(signal, signals, self.setpoint)
             else:
@@ -199,7 +201,8 @@ class _Schedule:
             self.parameters.append(signal)
             return
         values = [
-            s.replace(name=f"{signal.name}_{k}", lower=-np.inf, upper=np.inf) for k, s in enumerate(signals)
+            s.replace(name=f"{within_name(signal.name)}_{k}", lower=-np.inf, upper=np.inf)
+            for k, s in enumerate(signals)
         ]
         self.parameters += values
         shares = self._shares(by)
@@ -213,11 +216,16 @@ class _Schedule:
         found = []
         at = self.inputs[by].symbol
         for k, (a, b) in enumerate(zip(self.points[:-1], self.points[1:], strict=True)):
-            key = f"{by}_share_{k}"
+            key = f"{within_name(by)}_share_{k}"
             ratio = (at - a.symbol) / (b.symbol - a.symbol)
             self.definitions.setdefault(key, sp.Max(0, sp.Min(1, ratio)))
             found.append(sp.Symbol(key, real=True))
         return found
+
+
+def _ends(signal: Signal, suffix: str) -> bool:
+    """Return whether a name ends so, before its index."""
+    return signal.name.partition("[")[0].endswith(suffix)
 
 
 def _same(signals: Sequence[Signal]) -> bool:

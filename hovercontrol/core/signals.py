@@ -196,3 +196,26 @@ def _warn_once(name: str, line: str) -> None:
     if name not in _TOLD:
         _TOLD.add(name)
         warnings.warn(line, stacklevel=3)
+
+
+def suffixed(name: str, suffix: str) -> str:
+    """Return ``NAME_suffix``, with an index kept at the end.
+
+    Examples
+    --------
+    >>> suffixed("plant.u", "hat"), suffixed("c[0]", "hat")
+    ('plant.u_hat', 'c_hat[0]')
+    """
+    base, bracket, index = name.partition("[")
+    return f"{base}_{suffix}{bracket}{index}"
+
+
+def within_name(name: str) -> str:
+    """Return a name as a part of another name: without dots and brackets.
+
+    Examples
+    --------
+    >>> within_name("plant.u"), within_name("x[0]"), within_name("P[0,1]")
+    ('plant_u', 'x_0', 'P_0_1')
+    """
+    return re.sub(r"\W+", "_", name).strip("_")

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
-from hovercontrol.core.signals import Signal, time
+from hovercontrol.core.signals import Signal, suffixed, time
 from hovercontrol.estimators.diagonal import diagonal
 from hovercontrol.estimators.regression import regression
 from hovercontrol.estimators.ticking import sampled_estimator
@@ -138,13 +138,17 @@ def kalman_bucy(
         states=(*xhat, *P.values()),
         inputs=(*measured, *(s for s in block.inputs if s.symbol in used)),
         outputs=tuple(
-            c.replace(name=f"{short}_hat", description=f"estimate of {short}", lower=-np.inf, upper=np.inf)
+            c.replace(
+                name=suffixed(short, "hat"), description=f"estimate of {short}", lower=-np.inf, upper=np.inf
+            )
             for c, short in zip(model.coefficients, model.names, strict=True)
         ),
         parameters=(*Rs, *Qs, *(p for p in block.parameters if p.symbol in used)),
         derivatives=derivatives,
         definitions=definitions,
-        output_expressions={f"{short}_hat": x.symbol for short, x in zip(model.names, xhat[n:], strict=True)},
+        output_expressions={
+            suffixed(short, "hat"): x.symbol for short, x in zip(model.names, xhat[n:], strict=True)
+        },
     )
 
 

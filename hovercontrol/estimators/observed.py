@@ -9,7 +9,7 @@ import sympy as sp
 
 from hovercontrol.core.block import Block
 from hovercontrol.core.expressions import Expressions
-from hovercontrol.core.signals import Signal
+from hovercontrol.core.signals import Signal, suffixed
 from hovercontrol.errors import InputError, did_you_mean, shown
 from hovercontrol.io.tables import finite, positive
 from hovercontrol.models.interface import AnyModel
@@ -89,18 +89,6 @@ class Observed:
         """Return the output expressions, given the estimates and their covariance."""
         hats = {s.name: e for s, e in zip(self.estimates, x, strict=True)}
         return hats | {s.name: sp.sqrt(sp.Max(P[i, i], 0)) for i, s in enumerate(self.deviations)}
-
-
-def suffixed(name: str, suffix: str) -> str:
-    """Return ``NAME_suffix``, with an index kept at the end.
-
-    Examples
-    --------
-    >>> suffixed("plant.u", "hat"), suffixed("c[0]", "hat")
-    ('plant.u_hat', 'c_hat[0]')
-    """
-    base, bracket, index = name.partition("[")
-    return f"{base}_{suffix}{bracket}{index}"
 
 
 def unit_over(plant: Block, state: str, time: str) -> str:

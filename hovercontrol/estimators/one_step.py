@@ -7,9 +7,9 @@ import sympy as sp
 from hovercontrol.core.block import Block
 from hovercontrol.core.delay_line import fixed
 from hovercontrol.core.expressions import Expressions
-from hovercontrol.core.signals import Signal, time
+from hovercontrol.core.signals import Signal, suffixed, time
 from hovercontrol.estimators.ins.kalman import Equations
-from hovercontrol.estimators.observed import Observed, measured_expressions, suffixed, unit_over
+from hovercontrol.estimators.observed import Observed, measured_expressions, unit_over
 from hovercontrol.estimators.propagation import Dynamics, runge_kutta
 
 

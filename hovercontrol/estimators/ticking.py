@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
-from hovercontrol.core.signals import Signal, time
+from hovercontrol.core.signals import Signal, suffixed, time
 from hovercontrol.errors import InputError
 from hovercontrol.estimators.diagonal import diagonal
 from hovercontrol.estimators.ins.kalman import Equations, Estimate, remember
@@ -101,7 +101,7 @@ def sampled_estimator(
     used = set().union(*(e.free_symbols for e in (*model.h, *model.G))) - {time}
     measured = [s for s in block.states if s.symbol in used or s in model.states]
     held = [s for s in block.inputs if s.symbol in used]
-    before = {s.symbol: s.replace(name=f"{s.name}_before") for s in (*measured, *held)}
+    before = {s.symbol: s.replace(name=suffixed(s.name, "before")) for s in (*measured, *held)}
     on, first = (sp.Symbol(key, real=True) for key in ("switched_on", "first_sample"))
     write = Equations()
     names = _Named(write)
@@ -126,7 +126,7 @@ def sampled_estimator(
         )
     }
     hats = {
-        f"{short}_hat": sp.Symbol(f"now_{short}", real=True) for short in model.names
+        suffixed(short, "hat"): sp.Symbol(f"now_{short}", real=True) for short in model.names
     }  # both outputs and next states
     for short, s in zip(model.names, memory.values[n:], strict=True):
         write.definitions[f"now_{short}"] = next_values[s.name]
@@ -137,7 +137,9 @@ def sampled_estimator(
         states=(started, *memory.states, *before.values()),
         inputs=(*measured, *held),
         outputs=tuple(
-            c.replace(name=f"{short}_hat", description=f"estimate of {short}", lower=-sp.oo, upper=sp.oo)
+            c.replace(
+                name=suffixed(short, "hat"), description=f"estimate of {short}", lower=-sp.oo, upper=sp.oo
+            )
             for c, short in zip(model.coefficients, model.names, strict=True)
         ),
         parameters=(step, since, *noise, *drift, *parameters),

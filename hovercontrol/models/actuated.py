@@ -24,7 +24,7 @@ import sympy as sp
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.core.expressions import Expressions
-from hovercontrol.core.signals import Signal, time
+from hovercontrol.core.signals import Signal, suffixed, time
 from hovercontrol.effects import Effect
 from hovercontrol.effects.actuator import clipped
 from hovercontrol.effects.generic_commands import deadzone as deadzone_class
@@ -35,7 +35,7 @@ from hovercontrol.io.tables import positive
 from hovercontrol.models.base import EffectModel
 
 #: What the output is called that shows the applied command, behind the input's name.
-APPLIED = "_applied"
+APPLIED = "applied"
 
 Numbers = float | Mapping[str, float] | None
 
@@ -108,7 +108,7 @@ def actuated(
         own = {kind: numbers.get(name) for kind, numbers in given.items()}
         way.pass_through(bounds is not False, **own)
         if way.acts:
-            if inputs[name].saturates or f"{name}{APPLIED}" in {s.name for s in block.outputs}:
+            if inputs[name].saturates or suffixed(name, APPLIED) in {s.name for s in block.outputs}:
                 raise InputError(block.where(f"the input {name!r} already has an actuator"))
             ways.append(way)
     return _with_ways(block, ways)
@@ -169,7 +169,7 @@ class _Way:
                 symbols.append(None)
                 continue
             bound = Signal(
-                f"{self.owner}.{s.name}_{text}",
+                f"{self.owner}.{suffixed(s.name, text)}",
                 s.unit,
                 f"{text} limit of {s.name}",
                 start=value,
@@ -239,7 +239,7 @@ def _with_ways(block: Block, ways: list[_Way]) -> Block:
         return block
     applied = {
         w.signal.name: Signal(
-            f"{w.signal.name}{APPLIED}",
+            suffixed(w.signal.name, APPLIED),
             w.signal.unit,
             f"{w.signal.name} applied by the actuator",
             nominal=w.signal.nominal,

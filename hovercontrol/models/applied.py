@@ -5,6 +5,7 @@ from __future__ import annotations
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.core.interconnect import rename
+from hovercontrol.core.signals import suffixed
 from hovercontrol.errors import InputError
 from hovercontrol.models.actuated import APPLIED
 
@@ -40,7 +41,8 @@ def applied_inputs(block: Block, plant: Block) -> Block:
     ['thrust_applied', 'rudder_applied']
     """
     told = {s.name for s in plant.outputs}
-    swap = {s.name: f"{s.name}{APPLIED}" for s in block.inputs if f"{s.name}{APPLIED}" in told}
+    names = {s.name: suffixed(s.name, APPLIED) for s in block.inputs}
+    swap = {name: applied for name, applied in names.items() if applied in told}
     if not swap:
         raise InputError(
             plant.where(f"it has no applied command that is an input of {block.name!r}; see actuated()")

@@ -149,8 +149,13 @@ def _block(
     second = dimension("1" if period else "s")
     of_states = _state_sizes(ones, second, given, of_inputs, of_outputs)
     rates = [_per(size, second) for size in of_states]
+    # W rather than kg*m^2/s^3, but no rad: a state is an angle only if it is said so
+    texts = {dimension(text): text for text in units.values()} | {dimension("1"): "1"}
     states, inputs, outputs = (
-        [Signal(one, units.get(one, unit_text(size))) for one, size in zip(group, sizes, strict=True)]
+        [
+            Signal(one, units.get(one) or texts.get(size) or unit_text(size))
+            for one, size in zip(group, sizes, strict=True)
+        ]
         for group, sizes in ((x, of_states), (u, of_inputs), (y, of_outputs))
     )
     parameters: list[Signal] = []

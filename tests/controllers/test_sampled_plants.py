@@ -201,3 +201,21 @@ def test_optimal_control_of_a_sampled_system_has_the_gradient_of_the_map():
     )  # fmt: skip
     assert found.cost == pytest.approx(np.array([1.0, 0.5]) @ P @ [1.0, 0.5], rel=1e-6)
     assert found.problem.system_simulations < 60
+
+
+def test_a_transfer_function_with_numbered_names_is_estimated_and_held_at_its_setpoint():
+    oven = hc.from_control(ct.tf([0.9, 0.6], [1.0, -1.62, 0.65], 5.0, name="oven"))
+    seen = hc.extended_kalman(oven, ["y[0]"], process_noise={"x[0]": 0.1}, measurement_noise={"y[0]": 0.1})
+    hold = hc.lqi(
+        oven, {"u[0]": 0.0}, {"x[0]": 1.0, "x[1]": 1.0, "integral_y[0]": 0.01}, {"u[0]": 10.0},
+        integrate="y[0]", states=["x[0]", "x[1]"], measured="{}_hat",
+    )  # fmt: skip
+    assert [s.name for s in hold.inputs[:3]] == ["x_hat[0]", "x_hat[1]", "y[0]"]
+    assert "controller.K_u_0_x_1" in hold.default_parameters
+    loop = hc.interconnect([oven, seen, hold], "held")
+    run = hc.simulate(loop, 5.0 * np.arange(200), {"y_ref[0]": 3.0})
+    assert loop.period == 5.0
+    assert run.outputs[run.output_labels.index("y[0]"), -1] == pytest.approx(3.0, abs=1e-6)
+    rest = {s.name: 0.0 for s in loop.inputs}
+    margins = hc.margins([oven, seen, hold], "u[0]", rest)
+    assert margins.stable and margins.gain_up > 1.0
