@@ -421,7 +421,7 @@ def pairs(text: str) -> dict[str, str]:
             raise InputError(f"--columns: {ours!r} is given twice: {found[ours]!r} and {theirs!r}")
         found[ours] = theirs
     for theirs in found.values():
-        if theirs.count(",") == 1:
+        if theirs.count(",") == 1 and not theirs.endswith((":east", ":north")):
             raise InputError(f"--columns: expected NAME=COLUMN, found {theirs.partition(',')[2]!r}")
     return found
 

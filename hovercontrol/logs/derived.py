@@ -2,7 +2,8 @@
 
 ``time=sec+nanosec`` adds integer columns. Dates and stamps since an epoch become seconds since the first
 row; without a column of time a period gives it. ``psi=qx,qy,qz,qw:z-up`` and ``psi=rx,ry,rz`` compute a
-heading from a quaternion or a rotation vector.
+heading from a quaternion or a rotation vector, ``x=lat,lon:east`` and ``y=lat,lon:north`` a position from
+latitude and longitude.
 """
 
 from __future__ import annotations
@@ -20,10 +21,12 @@ import pyarrow as pa
 from hovercontrol.errors import ArgumentError, did_you_mean
 from hovercontrol.logs.column_units import column_of
 from hovercontrol.logs.heading import Heading, parse_up
+from hovercontrol.logs.place import Place
 from hovercontrol.logs.source import Source
 from hovercontrol.logs.stamps import Stamps, needs_stamps
 
 _UP = re.compile(r":\s*(-?[xyz]-(?:up|down))\s*$")
+_AXIS = re.compile(r":\s*(east|north)\s*$")
 
 #: Computes the values of a column from its parts in some rows of the file, piece by piece and in order.
 Make = Callable[[list[pa.Array], range], Any]
@@ -163,9 +166,9 @@ def with_derived(
     recipes: dict[str, Recipe] = {}
     for ours, said in columns.items():
         if ours != "time" and column_of(said, source.header)[0] not in source.header:
-            heading = _heading(file, source, ours, said)
-            if heading:
-                recipes[said] = heading
+            recipe = _place(file, source, ours, said) or _heading(file, source, ours, said)
+            if recipe:
+                recipes[said] = recipe
     said = columns.get("time", "time")
     if period is not None:
         recipes["time"] = _by_period(file, source, columns, period)
@@ -201,7 +204,7 @@ def parts_of(said: str, header: Collection[str]) -> list[str]:
     """
     if column_of(said, header)[0] in header:
         return [said]
-    text = said.rpartition(":")[0] if _UP.search(said) else said
+    text = said.rpartition(":")[0] if _UP.search(said) or _AXIS.search(said) else said
     inside = re.fullmatch(r"(?:quat|rotvec)\((.*)\)", text.strip())
     return [part.strip() for part in re.split("[;,+]", inside[1] if inside else text)]
 
@@ -215,6 +218,19 @@ def _clock_parts(file: Path, source: Source, said: str) -> list[tuple[str, str]]
     return (
         [column_of(part, source.header) for part in _known(file, source, "time", said)] if "+" in said else []
     )
+
+
+def _place(file: Path, source: Source, ours: str, said: str) -> Recipe | None:
+    """Return how a position is computed from latitude and longitude, or None if they are not given."""
+    axis, parts = _AXIS.search(said), parts_of(said, source.header)
+    if not axis or len(parts) != 2:
+        return None
+    if ours not in ("x", "y"):
+        raise ArgumentError(f"{file}: column {ours!r}: only x and y are east or north, found {said!r}")
+    _known(file, source, ours, said)
+    (lat, one), (lon, two) = (column_of(part, source.header) for part in parts)
+    units = (one or source.units.get(lat, "deg"), two or source.units.get(lon, "deg"))
+    return Recipe((lat, lon), lambda: Place(str(file), (lat, lon), units, axis[1]).values)
 
 
 def _heading(file: Path, source: Source, ours: str, said: str) -> Recipe | None:

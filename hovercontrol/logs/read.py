@@ -71,7 +71,8 @@ def read_log(
         Signal name to the file's column name, ``{"time": "stamp"}``. A unit follows if it is not SI,
         ``{"psi": "yaw:deg"}``; a minus before the unit flips the sign, ``{"rudder": "servo:-deg"}``.
         ``{"time": "sec+nanosec"}`` adds two time columns, and ``{"psi": "qx,qy,qz,qw:z-up"}`` computes the
-        heading from a quaternion (:mod:`.heading`). In a file with topics columns are named ``topic/field``.
+        heading from a quaternion (:mod:`.heading`). ``{"x": "lat,lon:east"}`` is the distance [m] east of the
+        first fix. In a file with topics columns are named ``topic/field``.
     inputs : sequence of str, or mapping of str to str
         Columns required besides ``time``; a mapping also gives the units that they are converted to.
     model : Model, BlockModel or Block, optional

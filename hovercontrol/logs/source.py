@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 from importlib import import_module
@@ -15,7 +16,7 @@ from hovercontrol.io.files import readable
 from hovercontrol.logs.log import PARQUET
 from hovercontrol.logs.readers.tables import Tables
 
-START = 64
+START = 1024
 """Bytes at the start of a file by which its format may be known."""
 
 
@@ -77,7 +78,9 @@ class Format:
     starts : tuple of bytes
         First bytes of such a file.
     library : str
-        Package that reads it, if it is one of the extra ``logs``.
+        Package that reads it, if it is one of the extras ``logs`` and ``logs-all``.
+    pattern : bytes
+        Regular expression that the beginning of such a file matches.
     """
 
     name: str
@@ -86,6 +89,14 @@ class Format:
     columns: str
     starts: tuple[bytes, ...] = ()
     library: str = ""
+    pattern: bytes = b""
+
+    def begins(self, start: bytes) -> bool:
+        """Return whether these first bytes are those of such a file."""
+        return bool(
+            (self.starts and start.startswith(self.starts))
+            or (self.pattern and re.match(self.pattern, start, re.DOTALL))
+        )
 
 
 #: First bytes of Vicon's exports, with and without a byte order mark.
@@ -111,7 +122,24 @@ FORMATS = (
     Format("MATLAB", (".mat",), "matlab:matlab", "`time`, `log.x`, `log.pos[0]`", (b"MATLAB ",), "mat-io (version 7.3, timetables)"),  # noqa: E501
     Format("MDF 3 and 4", (".mf4", ".mdf"), "mdf:mdf",
            "the channel, `group/channel` where two have its name; units as the file states them", (b"MDF     ",), "asammdf"),  # noqa: E501
+<<<<<<< HEAD
     Format("CSV", (), "csv:CsvSource", "as in the header; without one by number: `1`, `2`"),
+=======
+    Format("MAVLink telemetry", (".tlog",), "mavlink:mavlink", "`ATTITUDE/yaw`; units as MAVLink defines them", (), "pymavlink",  # noqa: E501
+           rb"\x00[\x03-\x0f].{6}[\xfd\xfe]"),
+    Format("ArduPilot log as text", (), "ardupilot_text:ardupilot_text", "`ATT/Yaw`, `IMU[0]/GyrZ`", (b"FMT, 128, 89",)),
+    Format("HDF5", (".h5", ".hdf5"), "hdf5:hdf5", "the path, `log/x`, `log/pos[0]`; units of attributes", (b"\x89HDF\r\n",), "h5py"),  # noqa: E501
+    Format("TDMS", (".tdms",), "tdms:tdms", "the channel, `group/channel` where two have its name", (b"TDSm",), "npTDMS"),  # noqa: E501
+    Format("LVM", (".lvm",), "lvm:lvm", "`time` and the channels", (b"LabVIEW Measurement",), "lvm-read"),
+    Format("CAN frames", (".blf", ".asc"), "can:can", "`Motion/Speed`, by a database (DBC) beside the file", (b"LOGG", b";$FILEVERSION"), "python-can, cantools",  # noqa: E501
+           rb"\(\d+\.\d+\)\s+\S+\s+[0-9A-Fa-f]+#|date \w+ \w+ +\d+ "),
+    Format("NMEA 0183", (".nmea",), "nmea:nmea", "`RMC/lat`, `HDT/heading`; deg, m/s", (),
+           "", rb"(\\[^\\]*\\)?\$[A-Z]{2,5}[A-Z0-9]{3},"),
+    Format("GPX", (".gpx",), "gpx:gpx", "`time`, `lat`, `lon`", (), "", rb"\s*(\xef\xbb\xbf)?\s*(<\?xml.*?)?<gpx\b"),
+    Format("C3D", (".c3d",), "c3d:c3d", "`Marker.x`; units as the file states them", (), "ezc3d", rb"[\x02-\x08]\x50"),
+    Format("TRC (motion capture)", (), "trc:trc", "`Marker.x`; m", (b"PathFileType\t",)),
+    Format("CSV", (), "csv:CsvSource", "as in the header"),
+>>>>>>> e73a47ee (Readers of MAVLink, ArduPilot text, HDF5, TDMS, LVM, CAN frames, NMEA, GPX, C3D and TRC; positions from latitude and longitude)
 )  # fmt: skip
 
 
@@ -173,6 +201,6 @@ def format_of(file: Path) -> Format:
         raise InputError(f"{file}: expected a log (CSV or Parquet), found a {suffix} file")
     with file.open("rb") as stream:
         start = stream.read(START)
-    by_start = (f for f in FORMATS if f.starts and start.startswith(f.starts))
+    by_start = (f for f in FORMATS if f.begins(start))
     by_suffix = (f for f in FORMATS if suffix in f.suffixes)
     return next(by_start, None) or next(by_suffix, FORMATS[-1])

@@ -17,9 +17,9 @@ from hovercontrol.errors import InputError
 from hovercontrol.logs.readers.tables import Table, Tables, faults, library, unit_or_none
 
 #: Messages about the log itself.
-_ABOUT = ("FMT", "FMTU", "UNIT", "MULT")
+ABOUT = ("FMT", "FMTU", "UNIT", "MULT")
 
-_CLOCKS = {"TimeUS": "us", "TimeMS": "ms"}
+CLOCKS = {"TimeUS": "us", "TimeMS": "ms"}
 
 #: Units under the names that the log uses; servo pulses are in us, not in s.
 _UNITS = {
@@ -64,7 +64,7 @@ def ardupilot(file: Path) -> Tables:
         tables = [
             table
             for number, form in sorted(index.formats.items(), key=lambda pair: str(pair[1].name))
-            if form.name not in _ABOUT
+            if form.name not in ABOUT
             for table in _tables(file, raw, form, index.offsets[number], reader.FORMAT_TO_STRUCT)
         ]
         index.close()
@@ -87,7 +87,7 @@ def _check_lengths(file: Path) -> None:
 
 def _tables(file: Path, raw: Any, form: Any, offsets: Any, structs: Mapping[str, Any]) -> list[Table]:
     """Return the table of a message, or one for each of its instances."""
-    clock = next((name for name in form.columns if name in _CLOCKS), None)
+    clock = next((name for name in form.columns if name in CLOCKS), None)
     at = np.asarray(offsets, dtype=np.int64)
     at = at[at + form.len <= len(raw)]
     if clock is None or not at.size:
@@ -101,7 +101,11 @@ def _tables(file: Path, raw: Any, form: Any, offsets: Any, structs: Mapping[str,
         here += struct.calcsize(f"<{code}")
     if here > form.len or clock not in places:
         return []
-    units = {name: unit for name in places if (unit := _unit(form, name))}
+    units = {
+        name: unit
+        for name in places
+        if (unit := unit_of(str(form.get_unit(name) or "") if form.units else ""))
+    }
     if form.instance_field not in places:
         return [_table(file, raw, str(form.name), clock, at, places, units)]
     instance = _decoded(raw, at, *places[form.instance_field])
@@ -117,7 +121,7 @@ def _table(
     def load(names: Sequence[str]) -> dict[str, Any]:
         return {name: _decoded(raw, at, *places[name.rpartition("/")[2]]) for name in names}
 
-    stated = {f"{topic}/{name}": unit for name, unit in units.items()} | {f"{topic}/{clock}": _CLOCKS[clock]}
+    stated = {f"{topic}/{name}": unit for name, unit in units.items()} | {f"{topic}/{clock}": CLOCKS[clock]}
     return Table(
         file, topic, [f"{topic}/{name}" for name in places], len(at), load, f"{topic}/{clock}", stated
     )
@@ -133,7 +137,6 @@ def _decoded(raw: Any, at: Any, offset: int, code: str, scale: float) -> Any:
     return values if scale == 1.0 else values * scale
 
 
-def _unit(form: Any, name: str) -> str:
-    """Return the unit that the log states for a field, or an empty text if there is no valid unit."""
-    found = str(form.get_unit(name) or "") if form.units else ""
-    return unit_or_none(_UNITS.get(found, found))
+def unit_of(label: str) -> str:
+    """Return the unit for the label of one in a log, or an empty text if there is no valid unit."""
+    return unit_or_none(_UNITS.get(label, label))

@@ -1,6 +1,7 @@
 """MDF (ASAM, versions 3 and 4), read by asammdf: one table per channel group, on its master channel.
 
-Samples whose invalidation bit is set are missing. Labels of raw values are read by :mod:`.labels`.
+Samples whose invalidation bit is set are missing. Labels of raw values are read by :mod:`.labels`, frames of
+CAN by the database beside the file (:mod:`.can`).
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from hovercontrol.errors import InputError
+from hovercontrol.logs.readers.can import database
 from hovercontrol.logs.readers.labels import labelled
 from hovercontrol.logs.readers.tables import Table, Tables, faults, library, unit_or_none
 
@@ -28,7 +30,12 @@ def mdf(file: Path) -> Tables:
     module = library(file, "asammdf", "MDF files")
     with faults(file, "MDF"):
         measured = module.MDF(str(file))
+        if any(c.name == "CAN_DataFrame" for group in measured.groups for c in group.channels):
+            measured = measured.extract_bus_logging({"CAN": [(str(database(file)), 0)]})
         groups = [_Group(measured, k, group) for k, group in enumerate(measured.groups)]
+        for k, group in enumerate(groups):
+            if any(other.name == group.name for other in groups[:k]):
+                group.name = f"{group.name}[{k}]"
         shared = Counter(name for group in groups for name in group.channels)
         tables = [group.table(file, {n for n in shared if shared[n] > 1}) for group in groups]
     tables = [table for table in tables if table.rows and len(table.header) > 1]

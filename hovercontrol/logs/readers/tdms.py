@@ -1,0 +1,73 @@
+"""TDMS of LabVIEW, read by npTDMS: one table per group; times by a time channel, or by a waveform's increment."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hovercontrol.errors import InputError
+from hovercontrol.logs.readers.matlab import CLOCKS
+from hovercontrol.logs.readers.tables import Table, Tables, faults, library, unit_or_none
+
+
+def tdms(file: Path) -> Tables:
+    """Open a measurement; channels keep their names, or ``group/name`` if two groups have the same name.
+
+    Raises
+    ------
+    InputError
+        If npTDMS is missing, or the file is damaged or contains no channel of numbers.
+    """
+    module = library(file, "nptdms", "TDMS files", "logs-all", package="npTDMS")
+    tables = []
+    with faults(file, "TDMS"):
+        measured = module.TdmsFile.read(str(file))
+        names = [channel.name for group in measured.groups() for channel in group.channels()]
+        for group in measured.groups():
+            for rows in sorted({len(channel) for channel in group.channels()} - {0}):
+                own = [c for c in group.channels() if len(c) == rows and c.dtype.kind in "biufM"]
+                if own:
+                    tables.append(_table(file, group.name, own, names, several=bool(tables)))
+    if not tables:
+        raise InputError(f"{file}: a TDMS file without channels of numbers")
+    return Tables(file, tables)
+
+
+def _table(file: Path, group: str, channels: Sequence[Any], names: list[str], *, several: bool) -> Table:
+    called = {f"{group}/{c.name}" if names.count(c.name) > 1 else c.name: c for c in channels}
+    units = {
+        name: unit
+        for name, c in called.items()
+        if (
+            unit := unit_or_none(
+                str(c.properties.get("unit_string", c.properties.get("NI_UnitDescription", "")))
+            )
+        )
+    }
+    units |= {name: "ns" for name, c in called.items() if c.dtype.kind == "M"}
+    clock = next((n for n, c in called.items() if c.name.lower() in CLOCKS or c.dtype.kind == "M"), "")
+    steps = {c.properties.get("wf_increment") for c in channels}
+    known: dict[str, Any] = {}
+    said = ""
+    if not clock and len(steps) == 1 and (step := steps.pop()):
+        clock = f"{group}/time" if several else "time"
+        known[clock] = float(channels[0].properties.get("wf_start_offset", 0.0)) + step * np.arange(
+            len(channels[0])
+        )
+        units[clock], said = "s", f"times by the increment of the waveform, {step:g} s"
+
+    def load(names: Sequence[str]) -> dict[str, Any]:
+        return {n: known[n] if n in known else _numbers(called[n][:]) for n in names}
+
+    name = f"{group} ({len(channels[0])} rows)" if several else group
+    return Table(file, name, [*known, *called], len(channels[0]), load, clock, units, said)
+
+
+def _numbers(values: Any) -> Any:
+    found = np.asarray(values)
+    if found.dtype.kind == "M":
+        return found.astype("datetime64[ns]").astype(np.int64)
+    return found.astype(np.uint8) if found.dtype.kind == "b" else found
