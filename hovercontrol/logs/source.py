@@ -127,7 +127,7 @@ FORMATS = (
 =======
     Format("MAVLink telemetry", (".tlog",), "mavlink:mavlink", "`ATTITUDE/yaw`; units as MAVLink defines them", (), "pymavlink",  # noqa: E501
            rb"\x00[\x03-\x0f].{6}[\xfd\xfe]"),
-    Format("ArduPilot log as text", (), "ardupilot_text:ardupilot_text", "`ATT/Yaw`, `IMU[0]/GyrZ`", (b"FMT, 128, 89",)),
+    Format("ArduPilot log as text", (), "ardupilot_text:ardupilot_text", "`ATT/Yaw`, `IMU[0]/GyrZ`", (b"FMT, 128, 89",)),  # noqa: E501
     Format("HDF5", (".h5", ".hdf5"), "hdf5:hdf5", "the path, `log/x`, `log/pos[0]`; units of attributes", (b"\x89HDF\r\n",), "h5py"),  # noqa: E501
     Format("TDMS", (".tdms",), "tdms:tdms", "the channel, `group/channel` where two have its name", (b"TDSm",), "npTDMS"),  # noqa: E501
     Format("LVM", (".lvm",), "lvm:lvm", "`time` and the channels", (b"LabVIEW Measurement",), "lvm-read"),
@@ -135,8 +135,8 @@ FORMATS = (
            rb"\(\d+\.\d+\)\s+\S+\s+[0-9A-Fa-f]+#|date \w+ \w+ +\d+ "),
     Format("NMEA 0183", (".nmea",), "nmea:nmea", "`RMC/lat`, `HDT/heading`; deg, m/s", (),
            "", rb"(\\[^\\]*\\)?\$[A-Z]{2,5}[A-Z0-9]{3},"),
-    Format("GPX", (".gpx",), "gpx:gpx", "`time`, `lat`, `lon`", (), "", rb"\s*(\xef\xbb\xbf)?\s*(<\?xml.*?)?<gpx\b"),
-    Format("C3D", (".c3d",), "c3d:c3d", "`Marker.x`; units as the file states them", (), "ezc3d", rb"[\x02-\x08]\x50"),
+    Format("GPX", (".gpx",), "gpx:gpx", "`time`, `lat`, `lon`", (), "", rb"\s*(\xef\xbb\xbf)?\s*(<\?xml.*?)?<gpx\b"),  # noqa: E501
+    Format("C3D", (".c3d",), "c3d:c3d", "`Marker.x`; units as the file states them", (), "ezc3d", rb"[\x02-\x08]\x50"),  # noqa: E501
     Format("TRC (motion capture)", (), "trc:trc", "`Marker.x`; m", (b"PathFileType\t",)),
     Format("CSV", (), "csv:CsvSource", "as in the header"),
 >>>>>>> e73a47ee (Readers of MAVLink, ArduPilot text, HDF5, TDMS, LVM, CAN frames, NMEA, GPX, C3D and TRC; positions from latitude and longitude)

@@ -27,7 +27,7 @@ def ardupilot_text(file: Path) -> Tables:
     letters = {numbers.get(row[1], ""): row[2] for row in rows.pop("FMTU", []) if len(row) > 3}
     tables = []
     for name, own in sorted(rows.items()):
-        number, _, columns = formats[name]
+        columns = formats[name][2]
         clock = next((column for column in columns if column in CLOCKS), None)
         if name in ABOUT or clock is None:
             continue

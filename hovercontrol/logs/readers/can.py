@@ -132,7 +132,7 @@ def _table(file: Path, message: Any, label: str, times: Any, data: Any) -> Table
 
 
 def _raw(data: Any, signal: Any) -> Any:
-    """Return the raw values of a signal; bits of a big-endian signal go down within a byte, then to the next."""
+    """Return the raw values of a signal; big-endian bits go down within a byte, then to the next."""
     start, length = int(signal.start), int(signal.length)
     if signal.byte_order == "little_endian":
         places = [start + k for k in range(length)]

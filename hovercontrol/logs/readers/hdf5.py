@@ -1,4 +1,4 @@
-"""HDF5, read by h5py: datasets of numbers by their paths, ``log/x``; those of a group and a length are a table."""
+"""HDF5, read by h5py: datasets by their paths, ``log/x``; those of a group and of one length are a table."""
 
 from __future__ import annotations
 

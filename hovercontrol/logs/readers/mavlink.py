@@ -31,7 +31,7 @@ _START = 8
 
 
 def mavlink(file: Path) -> Tables:
-    """Open a log; messages of several senders or instances are ``NAME[system.component]``, ``NAME[instance]``.
+    """Open a log; messages of several senders or instances are ``NAME[system.component/instance]``.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""TDMS of LabVIEW, read by npTDMS: one table per group; times by a time channel, or by a waveform's increment."""
+"""TDMS of LabVIEW, read by npTDMS: one table per group, timed by a channel or by a waveform's increment."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def tdms(file: Path) -> Tables:
         If npTDMS is missing, or the file is damaged or contains no channel of numbers.
     """
     module = library(file, "nptdms", "TDMS files", "logs-all", package="npTDMS")
-    tables = []
+    tables: list[Table] = []
     with faults(file, "TDMS"):
         measured = module.TdmsFile.read(str(file))
         names = [channel.name for group in measured.groups() for channel in group.channels()]
