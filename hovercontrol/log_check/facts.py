@@ -19,6 +19,7 @@ from hovercontrol.estimation.spikes import stand_out
 from hovercontrol.io.short_repr import short_repr
 from hovercontrol.logs import POSE, VELOCITY, Clock, Log, Span, fit_clock, smooth_pose
 from hovercontrol.logs.codes import code_faults
+from hovercontrol.logs.cross_checks import convention_faults
 from hovercontrol.logs.log import UNITS
 from hovercontrol.logs.prepare import prepared
 from hovercontrol.logs.scales import scale_faults
@@ -202,6 +203,7 @@ def facts(
     blank = {name: log.missing(name) for name in kinds}
     log, notes = _read(log, measured, inputs)
     remarks = remarks or (scale_faults(log) if craft else [])
+    remarks = remarks or (convention_faults(log) if craft else [])
     rejected = _rejected(log) if log.has(*POSE) and not navigated and not remarks else ()
     columns = tuple(
         _column(log, name, known.get(name, ""), kind, blank[name], name in measured, rejected)

@@ -54,8 +54,8 @@ class Place:
             bad = np.flatnonzero(np.abs(values) > most)
             if bad.size:
                 raise InputError(
-                    f"{self.file}: row {rows.start + bad[0] + 1}, column {name!r}: expected degrees up to {most:g}, "
-                    f"found {values[bad[0]]:g}; in another unit: --columns x=LAT:UNIT,LON:UNIT:{self.axis}"
+                    f"{self.file}: row {rows.start + bad[0] + 1}, column {name!r}: expected degrees up to "
+                    f"{most:g}, found {values[bad[0]]:g}; in another unit: --columns x=LAT:UNIT,LON:UNIT:{self.axis}"
                 )
         angles[:, (raw[0] == 0.0) & (raw[1] == 0.0)] = np.nan  # receivers write 0, 0 before the first fix
         known = np.flatnonzero(np.isfinite(angles).all(axis=0))

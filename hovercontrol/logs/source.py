@@ -122,9 +122,6 @@ FORMATS = (
     Format("MATLAB", (".mat",), "matlab:matlab", "`time`, `log.x`, `log.pos[0]`", (b"MATLAB ",), "mat-io (version 7.3, timetables)"),  # noqa: E501
     Format("MDF 3 and 4", (".mf4", ".mdf"), "mdf:mdf",
            "the channel, `group/channel` where two have its name; units as the file states them", (b"MDF     ",), "asammdf"),  # noqa: E501
-<<<<<<< HEAD
-    Format("CSV", (), "csv:CsvSource", "as in the header; without one by number: `1`, `2`"),
-=======
     Format("MAVLink telemetry", (".tlog",), "mavlink:mavlink", "`ATTITUDE/yaw`; units as MAVLink defines them", (), "pymavlink",  # noqa: E501
            rb"\x00[\x03-\x0f].{6}[\xfd\xfe]"),
     Format("ArduPilot log as text", (), "ardupilot_text:ardupilot_text", "`ATT/Yaw`, `IMU[0]/GyrZ`", (b"FMT, 128, 89",)),  # noqa: E501
@@ -138,8 +135,7 @@ FORMATS = (
     Format("GPX", (".gpx",), "gpx:gpx", "`time`, `lat`, `lon`", (), "", rb"\s*(\xef\xbb\xbf)?\s*(<\?xml.*?)?<gpx\b"),  # noqa: E501
     Format("C3D", (".c3d",), "c3d:c3d", "`Marker.x`; units as the file states them", (), "ezc3d", rb"[\x02-\x08]\x50"),  # noqa: E501
     Format("TRC (motion capture)", (), "trc:trc", "`Marker.x`; m", (b"PathFileType\t",)),
-    Format("CSV", (), "csv:CsvSource", "as in the header"),
->>>>>>> e73a47ee (Readers of MAVLink, ArduPilot text, HDF5, TDMS, LVM, CAN frames, NMEA, GPX, C3D and TRC; positions from latitude and longitude)
+    Format("CSV", (), "csv:CsvSource", "as in the header; without one by number: `1`, `2`"),
 )  # fmt: skip
 
 
