@@ -55,7 +55,8 @@ class Place:
             if bad.size:
                 raise InputError(
                     f"{self.file}: row {rows.start + bad[0] + 1}, column {name!r}: expected degrees up to "
-                    f"{most:g}, found {values[bad[0]]:g}; in another unit: --columns x=LAT:UNIT,LON:UNIT:{self.axis}"
+                    f"{most:g}, found {values[bad[0]]:g}; in another unit: --columns "
+                    f"x=LAT:UNIT,LON:UNIT:{self.axis}"
                 )
         angles[:, (raw[0] == 0.0) & (raw[1] == 0.0)] = np.nan  # receivers write 0, 0 before the first fix
         known = np.flatnonzero(np.isfinite(angles).all(axis=0))
@@ -81,7 +82,7 @@ def local(lat: Floats, lon: Floats, lat0: float, lon0: float) -> tuple[Floats, F
     --------
     >>> east, north = local(np.radians([54.0, 54.001]), np.radians([10.001, 10.0]), *np.radians([54.0, 10.0]))
     >>> east.round(2).tolist(), north.round(2).tolist()
-    ([65.58, 0.0], [0.0, 111.3])
+    ([65.58, 0.0], [0.0, 111.31])
     """
     # N = a / sqrt(1 - e^2 sin^2 lat);  X = N cos lat cos dlon,  Y = N cos lat sin dlon,
     # Z = N (1 - e^2) sin lat, with dlon = lon - lon0; east = Y, north = cos lat0 dZ - sin lat0 dX
