@@ -21,7 +21,7 @@ from hovercontrol.models.blockmodel import BlockModel
 
 position, velocity = hc.Signal("position", "m"), hc.Signal("velocity", "m/s")
 force = hc.Signal("force", "N", "commanded to the motor", lower=-150.0, upper=150.0)
-per_mass = hc.Signal("per_mass", "1/kg", "acceleration per force", start=0.02, lower=0.0)
+mass = hc.Signal("mass", "kg", "of the trolley", start=50.0)
 rolling = hc.Signal("rolling", "1/s", "drag in proportion to velocity", start=0.4, lower=0.0)
 
 TROLLEY = hc.Block(
@@ -29,10 +29,10 @@ TROLLEY = hc.Block(
     states=[position, velocity],
     inputs=[force],
     outputs=[position],  # a laser sees nothing else
-    parameters=[per_mass, rolling],
+    parameters=[mass, rolling],
     derivatives={
         "position": velocity.symbol,
-        "velocity": per_mass.symbol * force.symbol - rolling.symbol * velocity.symbol,
+        "velocity": force.symbol / mass.symbol - rolling.symbol * velocity.symbol,
     },
 )
 
@@ -102,7 +102,7 @@ def trial(machine: BlockModel, name: str, seed: int, seconds: float = 40.0, dt: 
 def real_machine() -> BlockModel:
     """Return what nobody knows: coefficients a little off, and a cable."""
     other = MODEL.with_coefficients(
-        {"per_mass": 0.0205, "rolling": 0.38, "rail_friction": 0.29, "rail_friction_width": 0.03}
+        {"mass": 48.8, "rolling": 0.38, "rail_friction": 0.29, "rail_friction_width": 0.03}
     )
     return other.with_effects([hc.effect("cable_spring", 0.8, beyond=0.5)])
 

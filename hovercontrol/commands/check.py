@@ -40,6 +40,7 @@ def check(
     ] = None,
     params: given.Params = None,
     fit: given.Fit = "",
+    fixed: given.Fixed = "",
     columns: given.Columns = "",
     period: given.Period = None,
     bench: given.Bench = None,
@@ -98,6 +99,7 @@ def check(
         found = find(
             subject,
             every,
+            fixed=given.listed(fixed, "--fixed") or [],
             files=written,
             unread=unread,
             progress=lambda part, what: report(0.05 + 0.9 * part, what),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -32,6 +33,7 @@ def diagnose(
             help="Candidate effects, separated by commas (default: all).", autocompletion=names.effects
         ),
     ] = "",
+    fixed: given.Fixed = "",
     max_effects: Annotated[
         int, typer.Option(help="Largest number of effects to add to the model.", min=1)
     ] = 3,
@@ -79,7 +81,9 @@ def diagnose(
     held = holdout or []
     given.refuse_twice("diagnose", logs, held)
     plant = given.fmu_of("diagnose", model, fit, params, laws_in)
+    kept = given.listed(fixed, "--fixed") or []
     if plant is not None:
+        plant = replace(plant, fit=tuple(name for name in plant.fit if name not in kept))
         from hovercontrol.discrepancy.fmu import diagnose_fmu
 
         read = given.reader(
@@ -107,6 +111,7 @@ def diagnose(
             lacks,
             [read(name) for name in logs],
             [read(name) for name in held],
+            fixed=kept,
             names=names,
             max_effects=max_effects,
             seed=seed,

@@ -108,6 +108,12 @@ Settle = Annotated[
     float,
     typer.Option("--settle", help="Seconds to leave out after the --while condition becomes true.", min=0.0),
 ]
+Fixed = Annotated[
+    str,
+    typer.Option(
+        "--fixed", help="Parameters that keep their values, separated by commas: --fixed g,m", metavar="NAMES"
+    ),
+]
 Missing = Annotated[
     str,
     typer.Option("--missing", help="Codes of missing values in the logs, separated by commas: -999,9999"),

@@ -32,6 +32,7 @@ def identify(
             help="Coefficients to fit, separated by commas; the others keep their values (default: all)."
         ),
     ] = "",
+    fixed: given.Fixed = "",
     columns: given.Columns = "",
     period: given.Period = None,
     bench: given.Bench = None,
@@ -67,6 +68,7 @@ def identify(
     check_folder(out)
     given.refuse_twice("identify", names, held)
     sought = given.listed(coefficients, "--coefficients")
+    kept = given.listed(fixed, "--fixed") or []
     plant = given.fmu_of("identify", model, fit, params)
     if plant is not None:
         from hovercontrol.identify.fmu import identify_fmu
@@ -76,7 +78,7 @@ def identify(
         )
         with given.progress_bar("identify", 1.0) as report:
             logs_, held_ = ([read(name) for name in group] for group in (names, held))
-            result = identify_fmu(plant, logs_, sought, held_, report)
+            result = identify_fmu(plant, logs_, sought, held_, report, fixed=kept)
             files = result.save(out)
         values = [vars(c) | {"excited": c.excited} for c in result.coefficients]
         content = {"coefficients": values, "residual": result.residual, "converged": result.converged}
@@ -98,6 +100,7 @@ def identify(
             every[: len(names)],
             every[len(names) :],
             coefficients=sought,
+            fixed=kept,
             progress=lambda part, what: report(0.1 + 0.9 * part, what),
         )
         files = study.save(out)
@@ -108,6 +111,7 @@ def identify(
             "--model": model, "--vehicle": vehicle, "--params": params, "--columns": columns,
             "--period": period, "--bench": bench, "--while": only_while, "--frame": frame,
             "--missing": missing, "--trial": trial,
+            "--fixed": fixed,
         }  # fmt: skip
         words += [word for option, value in options.items() if value for word in (option, str(value))]
         text += f"\nto find out what is missing: hovercontrol diagnose {shlex.join(words)}"
@@ -123,8 +127,9 @@ def _as_json(study: Study) -> dict[str, Any]:
                 **vars(c), "reason": c.reason or None, "bound": c.bound or None, "excited": c.excited,
                 "trusted": c.trusted, "readings": [vars(r) for r in c.readings],
             }
-            for c in found.coefficients
+            for c in (*found.coefficients, *found.kept)
         ],
+        "groups": [{"name": g.name, "value": g.value, "std": g.std, "unit": g.unit} for g in found.groups],
         "remaining": [{**vars(r), "share": r.share} for r in found.remaining],
         "noise": found.residual,
         "units": found.units,

@@ -80,6 +80,34 @@ def _almost_everywhere(derivative: sp.Expr) -> sp.Expr:
 
 
 @lru_cache(maxsize=256)
+def nonzero_parameters(block: Block) -> frozenset[str]:
+    """Return parameters that keep their sign: at zero the equations or their derivatives are not defined.
+
+    Examples
+    --------
+    >>> from hovercontrol.core.block import Block
+    >>> from hovercontrol.core.signals import Signal
+    >>> v, F, m, c = Signal("v", "m/s"), Signal("F", "N"), Signal("m", "kg", start=2.0), Signal("c", "1/s")
+    >>> slope = F.symbol / m.symbol - c.symbol * v.symbol
+    >>> sorted(nonzero_parameters(Block("cart", [v], [F], [v], [m, c], {"v": slope})))
+    ['m']
+    """
+    names = [p.name for p in block.parameters]
+    found = set()
+    for rows in ("derivatives", "outputs"):
+        laws = block.derivatives if rows == "derivatives" else block.output_expressions
+        every = [(set(names), block.expand(e)) for e in laws.values()]
+        every += [
+            ({names[j]}, block.expand(e)) for (_, j), e in partial_derivatives(block, rows, names).items()
+        ]
+        for own, e in every:
+            for symbol in e.free_symbols:
+                if symbol.name in own and e.subs(symbol, 0).has(sp.zoo, sp.nan, sp.oo, sp.S.NegativeInfinity):
+                    found.add(symbol.name)
+    return frozenset(found)
+
+
+@lru_cache(maxsize=256)
 def linear_parameters(block: Block) -> tuple[str, ...]:
     """Return parameters in which all derivatives are jointly linear, chosen greedily in their order."""
     names = [p.name for p in block.parameters]

@@ -9,7 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from hovercontrol.core.boundary import checked
+from hovercontrol.estimation.excitation import Excitation
 from hovercontrol.estimation.fit import Fit
+from hovercontrol.estimation.groups import Group
+from hovercontrol.estimation.subject import unknowns
 
 
 @checked
@@ -21,10 +24,12 @@ class Refitted:
     ----------
     name : str
     value, std : float
-        Estimate and standard error.
+        Estimate and standard error; the latter is infinite where the logs do not determine the coefficient.
     unit : str
     start : float
         Value in the given model; NaN for a parameter of an added effect.
+    kept : str
+        Why the value was kept: ``"by you"``, or what the logs cannot show; empty if it was estimated.
 
     Examples
     --------
@@ -37,18 +42,20 @@ class Refitted:
     std: float
     unit: str
     start: float
+    kept: str = ""
 
 
-def refitted(fit: Fit, given: Mapping[str, float]) -> tuple[Refitted, ...]:
-    """Return every fitted coefficient, with its value in the given model."""
-    block, variance = fit.problem.block, np.diag(fit.covariance)
-    return tuple(
-        Refitted(
-            name,
-            float(fit.p[j]),
-            math.sqrt(max(float(variance[j]), 0.0)),
-            block.parameter(name).unit,
-            given.get(name, math.nan),
-        )
-        for j, name in enumerate(fit.problem.names)
-    )
+def refitted(fit: Fit, given: Mapping[str, float]) -> tuple[tuple[Refitted, ...], tuple[Group, ...]]:
+    """Return every coefficient of a fit, with its value in the given model, and the groups among them."""
+    problem, block, variance = fit.problem, fit.problem.block, np.diag(fit.covariance)
+    shown = Excitation(fit, problem.size)
+    found = []
+    for j, name in enumerate(problem.names):
+        std = math.sqrt(max(float(variance[j]), 0.0)) if np.isfinite(shown.std[j]) else math.inf
+        why = "" if math.isfinite(std) else shown.reason(j)
+        unit = block.parameter(name).unit
+        found.append(Refitted(name, float(fit.p[j]), std, unit, given.get(name, math.nan), why))
+    for name in (n for n in unknowns(problem.model) if n not in problem.names and n in given):
+        unit = block.parameter(name).unit
+        found.append(Refitted(name, given[name], 0.0, unit, given[name], "by you"))
+    return tuple(found), shown.groups

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import overload
 
 import numpy as np
@@ -31,7 +32,7 @@ from hovercontrol.discrepancy.verdict import verdict_of
 from hovercontrol.errors import InputError
 from hovercontrol.estimation.data import Data, gather
 from hovercontrol.estimation.fit import Fit
-from hovercontrol.estimation.subject import Subject
+from hovercontrol.estimation.subject import Subject, named, unknowns
 from hovercontrol.fmi.replay.plant import FmuPlant
 from hovercontrol.logs import Log
 from hovercontrol.models.interface import AnyModel, as_model
@@ -43,6 +44,7 @@ def diagnose(
     logs: Sequence[Log],
     holdout: Log | Sequence[Log] | None = None,
     *,
+    fixed: Sequence[str] = (),
     names: Sequence[str] | None = None,
     max_effects: int = 3,
     seed: int = 0,
@@ -56,6 +58,7 @@ def diagnose(
     logs: Sequence[Log],
     holdout: Log | Sequence[Log] | None = None,
     *,
+    fixed: Sequence[str] = (),
     names: Sequence[str] | None = None,
     max_effects: int = 3,
     seed: int = 0,
@@ -69,6 +72,7 @@ def diagnose(
     logs: Sequence[Log],
     holdout: Log | Sequence[Log] | None = None,
     *,
+    fixed: Sequence[str] = (),
     names: Sequence[str] | None = None,
     max_effects: int = 3,
     seed: int = 0,
@@ -84,7 +88,7 @@ def diagnose(
     Parameters
     ----------
     model : Model, BlockModel, Block or FmuPlant
-        Its coefficients may be wrong: all are fitted. For a Block, the effects that any machine may have are
+        Its parameters may be wrong: all are fitted. For a Block, the effects that any machine may have are
         considered, as for a BlockModel without a catalogue. For an FMU (:func:`hovercontrol.fmu_plant`), all
         before its inputs and after its outputs (:mod:`hovercontrol.discrepancy.fmu`).
     logs : sequence of Log
@@ -93,6 +97,8 @@ def diagnose(
     holdout : Log or sequence of Log, optional
         Logs held out of the fit, judged together. An effect is dropped if they are predicted worse with it
         and are not likelier.
+    fixed : sequence of str, optional
+        Parameters of the model that keep their values: a known gravity, a mass that was weighed.
     names : sequence of str, optional
         Effects to consider; default: the whole catalogue.
     max_effects : int, optional
@@ -132,15 +138,19 @@ def diagnose(
     held = as_logs(holdout)
     report = progress or (lambda part, what: None)
     if isinstance(model, FmuPlant):
+        model = replace(model, fit=tuple(name for name in model.fit if name not in fixed))
         return diagnose_fmu(model, logs, held, names, max_effects, report)
+    subject = as_model(model)
+    kept = named(subject, fixed)
     with threadpool_limits(1, "blas"):  # with many small matrices its threads would wait for each other
-        return _diagnosed(as_model(model), logs, held, names, max_effects, seed, report)
+        return _diagnosed(subject, logs, held, kept, names, max_effects, seed, report)
 
 
 def _diagnosed(
     model: Subject,
     logs: Sequence[Log],
     holdout: Sequence[Log],
+    fixed: Sequence[str],
     names: Sequence[str] | None,
     max_effects: int,
     seed: int,
@@ -150,7 +160,7 @@ def _diagnosed(
     warnings = [*left_out(model, names), *check_logs(model, logs, holdout)]
     data = gather(model, logs)
     report(0.05, "fitting the model as it is")
-    base = base_fit(model, data)
+    base = base_fit(model, data, [name for name in unknowns(model) if name not in fixed])
     warnings += check_fitted(base)
     done = [0]
 

@@ -6,6 +6,7 @@ import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,6 +27,7 @@ from hovercontrol.discrepancy.search.trace import Decision, about
 from hovercontrol.discrepancy.verdict import Verdict
 from hovercontrol.effects.law import is_law
 from hovercontrol.estimation.fit import Fit
+from hovercontrol.estimation.groups import Group
 from hovercontrol.estimation.subject import Subject
 from hovercontrol.io.folders import write_folder
 from hovercontrol.io.pyplot import open_in_pyplot
@@ -198,7 +200,16 @@ class Diagnosis:
 
     @property
     def coefficients(self) -> tuple[Refitted, ...]:
-        """Every fitted coefficient of the amended model."""
+        """Every coefficient of the amended model, fitted or kept."""
+        return self._refitted[0]
+
+    @property
+    def groups(self) -> tuple[Group, ...]:
+        """Products and sums of coefficients that the logs determine though they determine no member alone."""
+        return self._refitted[1]
+
+    @cached_property
+    def _refitted(self) -> tuple[tuple[Refitted, ...], tuple[Group, ...]]:
         return refitted(self.selection.final, self.model.coefficients())
 
     def result(self) -> dict[str, Any]:
@@ -223,6 +234,7 @@ class Diagnosis:
                 for name, own in numbers.items()
             ],
             "coefficients": [vars(c) for c in self.coefficients],
+            "groups": [{"name": g.name, "value": g.value, "std": g.std, "unit": g.unit} for g in self.groups],
             "rivals": [
                 {"name": r.name, "place": place_of_rival(r), "reason": reason_of(r)} for r in self.rivals
             ],

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -49,6 +49,8 @@ class Data:
         Errors of the velocities of an inertial navigation.
     variance : ndarray, shape (K, W, C), or None
         Noise variance of each sample relative to that of its channel; None if all are 1.
+    hidden : tuple of str
+        States whose guess is what a model makes of the logs (:meth:`seen_through`).
     """
 
     logs: tuple[Measured, ...]
@@ -58,6 +60,11 @@ class Data:
     rows: Rows
     drift: DriftStates | None = None
     variance: Array | None = None
+    hidden: tuple[str, ...] = ()
+
+    def seen_through(self, guess: Mapping[str, Array]) -> Data:
+        """Return the data with a model's guess of hidden states, by name, each of shape (K, W)."""
+        return replace(self, rows=replace(self.rows, guess={**self.rows.guess, **guess}), hidden=tuple(guess))
 
     def without(self, samples: NDArray[np.bool_]) -> Data:
         """Return the data without some samples, a mask of shape (K, W, C)."""

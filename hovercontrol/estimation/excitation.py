@@ -9,7 +9,7 @@ estimate is not four standard errors from zero by chance.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import sympy as sp
@@ -17,7 +17,9 @@ from numpy.typing import NDArray
 
 from hovercontrol.core.block import Block
 from hovercontrol.core.derivatives import partial_derivatives
+from hovercontrol.core.signals import Signal
 from hovercontrol.estimation.fit import Fit
+from hovercontrol.estimation.groups import groups, said_of
 from hovercontrol.estimation.kalman import run_filter
 from hovercontrol.estimation.noise import augment
 from hovercontrol.estimation.passes import inverse, products
@@ -40,6 +42,9 @@ class ExcitationCriteria:
         A state within this many standard errors of zero counts as at rest.
     no_information : float
         Standard error, relative to the size of the coefficient, above which it counts as infinite.
+    anywhere : float
+        Factor on the standard deviation of the first values of hidden states, which would otherwise say how
+        large these states are.
     growth : float
         Growth of a state from row to row above which sub-steps are too long for friction at rest. An explicit
         step h along a slope s is unstable for h s > 2.8 (Hairer and Wanner, Solving ODEs II, IV.2); the
@@ -49,6 +54,7 @@ class ExcitationCriteria:
     named: float = 0.1
     resting: float = 3.0
     no_information: float = 1e5
+    anywhere: float = 30.0
     growth: float = 2.0
 
 
@@ -71,6 +77,7 @@ def information(fit: Fit) -> Array:
     path[..., list(fit.problem.free)] = np.where(np.abs(free) < EXCITATION.resting * std, 0.0, free)
     problem = controlled(fit.problem, path, fit.p, deviations(fit.problem, fit.covariance_of_path))
     linear = problem.linearise(path, fit.p)
+    linear = replace(linear, start=np.where(problem.hidden, EXCITATION.anywhere, 1.0) * linear.start)
     if np.abs(np.diagonal(linear.A, axis1=2, axis2=3)).max() < EXCITATION.growth:
         S = products(run_filter(augment(problem, linear, fit.noise)).white)[:, 1:, 1:].sum(axis=0)
     else:
@@ -107,6 +114,97 @@ def widening(fit: Fit) -> Array:
     slope = fit.problem.slope(fit.p)
     wide = np.diag(fit.covariance) / np.maximum(np.diag(plain) * slope**2, 1e-300)
     return np.sqrt(np.maximum(wide, 1.0))
+
+
+def scatter(fit: Fit, S: Array, size: Array, own: Sequence[int]) -> Array:
+    """Return the covariance of the coefficients by the scatter of scores over blocks, shape (P, P).
+
+    Directions that the logs do not determine are left out. See :attr:`Fit.covariance
+    <hovercontrol.estimation.fit.Fit.covariance>`.
+
+    Parameters
+    ----------
+    S : ndarray, shape (P, P)
+        Information matrix.
+    size : ndarray, shape (P,)
+        Sizes of the coefficients.
+    own : sequence of int
+        Their indices among the unknowns.
+    """
+    # C M C with M of Fit.covariance, and C of the eigenvectors of D S D with eigenvalues above 1
+    scores = (fit.scores / fit.problem.slope(fit.p))[:, own]
+    values, vectors = np.linalg.eigh(S * np.outer(size, size))
+    known = values > 1.0
+    C = (vectors[:, known] / values[known]) @ vectors[:, known].T * np.outer(size, size)
+    return np.asarray(C @ (scores.T @ scores) @ C)
+
+
+class Excitation:
+    """What logs show of the coefficients of a fit.
+
+    Parameters
+    ----------
+    fit : Fit
+    names : sequence of str, optional
+        Coefficients that are looked at; the other unknowns count as known. Default: all.
+    size : ndarray, shape (P,)
+        Their sizes.
+
+    Attributes
+    ----------
+    labels : list of str
+        Their names without the name of the Block, unless two share it.
+    covariance : ndarray, shape (P, P)
+    alone : ndarray, shape (P,)
+        Standard errors if all other coefficients were known; infinite without any information.
+    directions : tuple of mapping
+        Steps of coefficients that together change nothing measured.
+    groups : tuple of Group
+        Products and sums that the logs determine.
+    """
+
+    def __init__(self, fit: Fit, size: Array, names: Sequence[str] | None = None) -> None:
+        problem, self._fit = fit.problem, fit
+        self._names = list(problem.names if names is None else names)
+        own = [problem.names.index(name) for name in self._names]
+        short = [name.rpartition(".")[2] for name in self._names]
+        self.labels = short if len(set(short)) == len(short) else self._names
+        S, self.size = information(fit)[np.ix_(own, own)], size
+        self.covariance = covariance(S, size, widening(fit)[own])
+        bare = np.diag(S)
+        self.alone = np.where(bare > 0.0, 1.0 / np.sqrt(np.maximum(bare, 1e-300)), np.inf)
+        open_ = unexcited_directions(self.covariance, size)
+        self.directions = named_directions(open_, size, self.labels)
+        linear = problem.model.linear_coefficients()
+        last = [label for label, name in zip(self.labels, self._names, strict=True) if name not in linear]
+        plain, wide = covariance(S, size, np.ones(len(size))), scatter(fit, S, size, own)
+        values = dict(zip(self.labels, fit.p[own].tolist(), strict=True))
+        units = {label: self._signal(j).unit for j, label in enumerate(self.labels)}
+        self.groups = groups(open_, plain, wide, size, values, units, last)
+
+    @property
+    def std(self) -> Array:
+        """Standard errors, infinite for coefficients that the logs do not determine alone, shape (P,)."""
+        std = np.sqrt(np.diag(self.covariance))
+        members = {n for g in self.groups for n in g.members}
+        grouped = np.array([label in members for label in self.labels])
+        known = np.maximum(std, self.alone) < EXCITATION.no_information * self.size
+        return np.where(known & ~grouped, std, np.inf)
+
+    def reason(self, j: int) -> str:
+        """Return why coefficient j is not excited; an empty string if it is."""
+        problem, signal = self._fit.problem, self._signal(j)
+        moving = [
+            any(np.any(m.inputs[i] != 0.0) for m in problem.logs) for i in range(len(problem.block.inputs))
+        ]
+        idle = idle_inputs(problem.block, signal.name, moving)
+        label, std = self.labels[j], float(np.sqrt(self.covariance[j, j]))
+        return said_of(label, self.groups) or reason(
+            label, std, self.size[j], self.alone[j], self.directions, signal.unit, idle
+        )
+
+    def _signal(self, j: int) -> Signal:
+        return self._fit.problem.block.parameter(self._names[j])
 
 
 def unexcited_directions(C: Array, size: Array) -> Array:

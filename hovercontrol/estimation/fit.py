@@ -8,8 +8,9 @@ of the likelihood with respect to the noise levels (Koopman and Shephard, Biomet
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 from hovercontrol.estimation.damping import Damping, Relaxation
 from hovercontrol.estimation.noise import ONWARD, Noise, moved, timed
 from hovercontrol.estimation.outliers import OUTLIERS, outliers
-from hovercontrol.estimation.passes import Pass, alone, held, inverse, residuals, tried_pass
+from hovercontrol.estimation.passes import Pass, alone, costs_of, inverse, residuals, tried_pass
 from hovercontrol.estimation.prior import Prior
 from hovercontrol.estimation.problem import Linear, Problem
 from hovercontrol.estimation.step_control import controlled, deviations
@@ -84,6 +85,9 @@ FURTHER = 3
 #: Shortest fraction of a step that is tried, and the same if the model diverges at its end.
 SHORTEST, TINIEST = 0.05, 1e-6
 
+#: Fraction of the observed acceleration as which the process noise begins where a state has no guess.
+HIDDEN = 1e-4
+
 #: Passes of a refit before the noise levels are updated.
 HOLD = 2
 
@@ -149,7 +153,19 @@ class Fit:
     def movable(self) -> NDArray[np.intp]:
         """Indices of the unknowns that no active bound holds."""
         slope = self.g.sum(axis=0) - self.prior.slope(self.problem.inside(self.p))
-        return np.flatnonzero(~held(self.problem, self.p, slope))
+        return np.flatnonzero(~self.problem.held(self.p, slope))
+
+    @property
+    def scores(self) -> Array:
+        """Scores of the blocks, whose scatter widens the standard errors, (B, P); zero if unknown.
+
+        ``s_b = (W/(W - 1))^(1/2) (g_b - Lambda (z - c) / W)`` of W blocks.
+        """
+        W = len(self.S)
+        if W < 8 or not np.any(self.noise.process > 0):
+            return np.zeros_like(self.g)
+        pull = self.prior.slope(self.problem.inside(self.p))
+        return np.asarray((self.g - pull / W) * np.sqrt(W / (W - 1)))
 
     @property
     def covariance(self) -> Array:
@@ -159,19 +175,14 @@ class Fit:
         noise need not have the assumed correlation. The estimate of the scatter is the sandwich estimator
         (Liang and Zeger, Biometrika 73, 1986).
         """
-        # C = (S + Lambda)^-1, scores s_b = g_b - Lambda (z - c) / W of W blocks
-        # M = W/(W - 1) sum s_b s_b',  robust covariance C M C
+        # C = (S + Lambda)^-1,  robust covariance C M C,  M = sum s_b s_b' of the scores s_b
         # C_ij <- C_ij k_i k_j,  k_i^2 = max((C M C)_ii / C_ii, 1);  in own units: times dp_i/dz_i dp_j/dz_j
-        problem, z = self.problem, self.problem.inside(self.p)
+        problem = self.problem
         S = self.S.sum(axis=0) + np.diag(self.prior.precision)
         C = inverse(S)
-        W = len(self.S)
-        if W >= 8 and np.any(self.noise.process > 0):
-            scores = self.g - self.prior.slope(z) / W
-            meat = scores.T @ scores * W / (W - 1)
-            robust = C @ meat @ C
-            widen = np.sqrt(np.maximum(np.diag(robust) / np.maximum(np.diag(C), 1e-300), 1.0))
-            C = C * np.outer(widen, widen)
+        robust = C @ (self.scores.T @ self.scores) @ C
+        widen = np.sqrt(np.maximum(np.diag(robust) / np.maximum(np.diag(C), 1e-300), 1.0))
+        C = C * np.outer(widen, widen)
         slope = problem.slope(self.p)
         return C * np.outer(slope, slope)
 
@@ -222,6 +233,13 @@ def estimate(
     """
     start = problem.start.copy() if p is None else problem.outside(problem.inside(p))
     run = _Iteration(problem, prior, noise.of(problem), frozen, times, most, hold, trace)
+    if path is None and problem.unguessed and not frozen:
+        # Noise would take the place of a state that only the model tells: first the equations are believed.
+        quiet = replace(run.noise, process=HIDDEN * run.noise.process)
+        again = replace(run, noise=quiet)
+        again.first(start, problem.with_bristles(problem.guess, start))
+        again.settled(False)
+        start, path, run = again.now.p, again.now.path, replace(run, noise=quiet)
     run.first(start, problem.with_bristles(problem.guess, start) if path is None else path)
     if gate:
         run.gated()
@@ -283,6 +301,11 @@ class _Iteration:
             self.problem, self.before, self.least, self.rise = judged, np.inf, np.inf, np.inf
         now, problem, self.k = self.now, self.problem, self.k + 1
         squares, cost = now.squares + self.rise, now.cost + self.rise
+        if judged is None and math.isinf(self.rise) and problem.unguessed:  # under the new noise levels
+            squares, cost = (
+                v + max(now.predicted, CONVERGENCE.settled)
+                for v in costs_of(problem, self.noise, self.prior, now)
+            )
         (step, along), here, there = now.steps(problem), problem.inside(now.p), now.path
         std = deviations(problem, now.smooth.covariance)
         known = np.diag(now.S.sum(axis=0)) + self.prior.precision if step.any() else np.zeros_like(step)
@@ -322,7 +345,9 @@ class _Iteration:
             self.onward(problem)
             if levels:
                 self.rise = np.inf
-                self.noise = moved(self.problem, self.noise, self.now.system, self.now.smooth, self.of_levels)
+                self.noise = moved(
+                    self.problem, self.noise, self.now.system, self.now.smooth, self.now.step, self.of_levels
+                )
                 self.onward()
             changed = True
         if changed and self.problem.data.down_weighted.any():  # with the updated noise levels
@@ -370,7 +395,9 @@ class _Iteration:
             if (there and self.k > self.hold) or self.k >= self.most + self.hold:
                 return self.onward()
             if self.k >= self.hold:
-                self.noise = moved(self.problem, self.noise, self.now.system, self.now.smooth, self.of_levels)
+                self.noise = moved(
+                    self.problem, self.noise, self.now.system, self.now.smooth, self.now.step, self.of_levels
+                )
                 if self.times and (self.k - self.hold) % 3 == 1 and self.factor > FINEST:
                     self._timed()
             self.onward()

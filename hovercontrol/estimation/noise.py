@@ -195,7 +195,9 @@ class NoiseCriteria:
 NOISE = NoiseCriteria()
 
 
-def moved(problem: Problem, noise: Noise, system: System, smooth: Smoothed, damping: Damping) -> Noise:
+def moved(
+    problem: Problem, noise: Noise, system: System, smooth: Smoothed, step: Array, damping: Damping
+) -> Noise:
     """Return the noise levels after one step towards their maximum likelihood values.
 
     The derivative of the log likelihood with respect to the logarithm of a variance is ``(A - B) / 2`` with
@@ -205,12 +207,14 @@ def moved(problem: Problem, noise: Noise, system: System, smooth: Smoothed, damp
     ----------
     system : System
         Linear system with that noise.
+    step : ndarray, shape (P,)
+        Step of the unknowns that `smooth` includes.
     damping : Damping
         Damping of the steps of the logarithms of the variances.
     """
     C, q = len(noise.measured), len(noise.process)
     ratio = np.zeros(C + q)
-    e = system.seen[..., 0] - (system.H @ smooth.state[..., None])[..., 0]
+    e = left_of(system, smooth, step)
     known = ((system.H @ smooth.covariance) * system.H).sum(axis=-1)
     # Channel c, with smoothed residual e and smoothed variance V:  A = sum e^2 / R,  B = sum (1 - V / R)
     for c in range(C):
@@ -250,6 +254,15 @@ def moved(problem: Problem, noise: Noise, system: System, smooth: Smoothed, damp
     )
     measured = np.maximum(noise.measured * np.exp(0.5 * step[:C]), least)
     return replace(noise, measured=measured, process=process)
+
+
+def left_of(system: System, smooth: Smoothed, step: Array) -> Array:
+    """Return measured minus smoothed channels after a step of the unknowns, shape (K, W, C)."""
+    # seen [1; theta] - H x, of which a frozen fit has column 0 alone
+    seen = system.seen[..., 0]
+    if system.seen.shape[-1] > 1 and step.any():
+        seen = seen + system.seen[..., 1:] @ step
+    return np.asarray(seen - (system.H @ smooth.state[..., None])[..., 0])
 
 
 def _steps(problem: Problem, noise: Noise) -> tuple[Array, Array, Array, Array, Array]:

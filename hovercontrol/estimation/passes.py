@@ -1,7 +1,7 @@
 """One pass over the logs: linearise the model about a path, filter, solve for the unknowns, smooth.
 
 Unknowns are the parameters of the model that a fit estimates. They are sought in scaled coordinates z: the
-logarithm of positive scale parameters, the value itself for all others (:class:`.Unknowns`).
+logarithm of parameters that keep their sign, the value itself for all others (:class:`.Unknowns`).
 """
 
 from __future__ import annotations
@@ -12,12 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.estimation.kalman import Smoothed, System, run_filter, run_smoother
-from hovercontrol.estimation.noise import Noise, augment
+from hovercontrol.estimation.noise import Noise, augment, left_of
 from hovercontrol.estimation.prior import Prior
 from hovercontrol.estimation.problem import Linear, Problem
 
 Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 #: Largest step of an unknown whose logarithm is estimated.
 FARTHEST = 1.0
@@ -92,6 +91,16 @@ def run_pass(problem: Problem, noise: Noise, prior: Prior, p: Array, path: Array
     return Pass(p, path, linear, system, smooth, cost, costs, S, g, step, predicted, squares)
 
 
+def costs_of(problem: Problem, noise: Noise, prior: Prior, now: Pass) -> tuple[float, float]:
+    """Return what the squares and the cost of a pass would be under other noise levels."""
+    try:
+        filtered = run_filter(augment(problem, now.linear, noise, unknowns=False))
+    except np.linalg.LinAlgError:
+        return np.inf, np.inf
+    squares = float((filtered.white**2).sum()) + prior.cost(problem.inside(now.p))
+    return squares, squares + float(filtered.log_det.sum())
+
+
 def tried_pass(
     problem: Problem, noise: Noise, prior: Prior, p: Array, path: Array, frozen: bool
 ) -> Pass | None:
@@ -104,11 +113,6 @@ def tried_pass(
     return now if np.isfinite(now.cost) else None
 
 
-def held(problem: Problem, p: Array, slope: Array) -> Mask:
-    """Return which unknowns are at a bound that the descent direction `slope` points across."""
-    return np.asarray(((p <= problem.lower) & (slope < 0)) | ((p >= problem.upper) & (slope > 0)))
-
-
 def _newton(problem: Problem, prior: Prior, p: Array, S: Array, g: Array) -> tuple[Array, float]:
     """Return the Gauss-Newton step of the unknowns within their bounds, and its predicted reduction."""
     # Minimise |w0 + J dz|^2 + (z + dz - c)' Lambda (z + dz - c), Lambda and c of the prior:
@@ -117,13 +121,13 @@ def _newton(problem: Problem, prior: Prior, p: Array, S: Array, g: Array) -> tup
     z = problem.inside(p)
     total = S.sum(axis=0) + np.diag(prior.precision)
     slope = g.sum(axis=0) - prior.slope(z)
-    free = ~held(problem, p, slope)
+    free = ~problem.held(p, slope)
     dz = np.zeros(len(z))
     for _ in range(len(z) + 1):
         dz[:] = 0.0
         if free.any():
             dz[free] = inverse(total[np.ix_(free, free)]) @ slope[free]
-        back = free & held(problem, p, dz)
+        back = free & problem.held(p, dz)
         if not back.any():
             break
         free &= ~back
@@ -170,7 +174,7 @@ def _smoothed(now: Pass) -> tuple[Array, Array]:
     Both have shape (K, W, C). The variance is kept below R.
     """
     system, smooth = now.system, now.smooth
-    e = system.seen[..., 0] - (system.H @ smooth.state[..., None])[..., 0]
+    e = left_of(system, smooth, now.step)
     known = ((system.H @ smooth.covariance) * system.H).sum(axis=-1)
     return e, np.clip(known, 0.0, (1.0 - 1e-6) * system.R)
 

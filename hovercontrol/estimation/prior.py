@@ -22,7 +22,7 @@ class PriorWidths:
     Attributes
     ----------
     shapes : float
-        Standard deviation of the logarithm of a shape parameter, such as the width of friction.
+        Standard deviation of the logarithm of a parameter that keeps its sign: a mass, a width of friction.
     coefficients : float
         Standard deviation of a coefficient, relative to its value.
     alone : float
@@ -71,20 +71,20 @@ def prior_of(problem: Problem, model: Subject) -> Prior:
     model : Model or BlockModel
         The model before effects were added.
     """
-    own, linear = model.coefficients(), set(model.linear_coefficients())
+    own, free = model.coefficients(), set(model.free_coefficients())
     centre = np.array([own.get(name, v) for name, v in zip(problem.names, problem.start, strict=True)])
     centre = np.clip(centre, problem.lower, problem.upper)
     z = problem.inside(centre)
     # precision = 1/sigma^2 about the model's value c, with c_alone of `sizes_alone`:
-    #   coefficient: sigma = max(coefficients |c|, alone c_alone)
-    #   logarithm of a shape: sigma = shapes;  other shape: sigma = max(|c|, 1e-3)
+    #   logarithm: sigma = shapes;  coefficient: sigma = max(coefficients |c|, alone c_alone)
+    #   other shape: sigma = max(|c|, 1e-3)
     precision = np.zeros(len(z))
     alone = problem.sizes_alone()
     for j, name in enumerate(problem.names):
-        if name in linear:
-            precision[j] = 1.0 / max(PRIOR.coefficients * abs(centre[j]), PRIOR.alone * alone[j]) ** 2
-        elif name in own and problem.log_scale[j]:
+        if name in own and problem.log_scale[j]:
             precision[j] = 1.0 / PRIOR.shapes**2
+        elif name in free:
+            precision[j] = 1.0 / max(PRIOR.coefficients * abs(centre[j]), PRIOR.alone * alone[j]) ** 2
         elif name in own:
             precision[j] = 1.0 / max(abs(centre[j]), 1e-3) ** 2
     return Prior(z, precision)

@@ -120,6 +120,10 @@ class Problem(Unknowns):
     driven : tuple of int
         Positions in `free` of the states on which forces act or may act. They have process noise.
     driven_names : tuple of str
+    hidden : ndarray of bool, shape (n,)
+        Free states of which the logs tell nothing without the model.
+    unguessed : bool
+        Whether a driven state is one of these.
     """
 
     def __init__(
@@ -157,6 +161,9 @@ class Problem(Unknowns):
         self.longest = max(0.25 * float(np.median(self.rows.seconds)), 2.0 * self.shortest)
         within = self.guess[..., list(self.free)]
         free = [self.block.states[i] for i in self.free]
+        hidden = [s.name not in self.rows.guess or s.name in data.hidden for s in free]
+        self.hidden = np.array(hidden, dtype=bool)
+        self.unguessed = any(hidden[j] for j in self.driven)
         # A state without a guess from the logs may lie anywhere within its nominal range.
         least = [(1e-3 if s.name in self.rows.guess else 1.0) * s.nominal for s in free]
         self.spread = np.maximum(within.std(axis=(0, 1)), least)
@@ -447,7 +454,7 @@ class Problem(Unknowns):
             for j, places in enumerate(self._at):
                 other = list(every)
                 for at in places:
-                    other[at] = every[at] + self.size[j]
+                    other[at] = every[at] + self.sign[j] * self.size[j]
                 new = function(t, x, u, other)
                 for k, i in enumerate(self.driven):
                     change = np.asarray(new[self.free[i]] - base[self.free[i]])

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from hovercontrol.core.block import Block
 from hovercontrol.effects import Shape
+from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.models.blockmodel import BlockModel
 from hovercontrol.models.model import Model
 
@@ -66,7 +69,10 @@ def timing(model: Subject) -> tuple[str, str]:
 
 
 def unknowns(model: Subject) -> tuple[str, ...]:
-    """Return the parameters of a model that a fit estimates: coefficients, widths of dry friction, shapes.
+    """Return the parameters of a model that a fit can estimate.
+
+    They are a craft's coefficients or all parameters of a Block, and the shapes of effects, such as widths of
+    dry friction.
 
     The time of a jump is not estimated, because residuals do not change smoothly with it.
 
@@ -83,7 +89,27 @@ def unknowns(model: Subject) -> tuple[str, ...]:
         if isinstance(n, Shape) and n.of != "time" and not n.fixed
     ]
     same = same_widths(model)
-    return (*model.linear_coefficients(), *(s for s in shapes if s not in same))
+    return (*model.free_coefficients(), *(s for s in shapes if s not in same))
+
+
+def named(subject: Subject, names: Sequence[str]) -> tuple[str, ...]:
+    """Return coefficients as the model names them.
+
+    Raises
+    ------
+    InputError
+        If a name is unknown (the message names the nearest) or listed twice.
+    """
+    known, found = subject.coefficients(), list[str]()
+    for name in names:
+        if name not in known and name.rpartition(".")[2] not in known:
+            hint = did_you_mean(name, known)
+            raise InputError(f"{subject.name!r} has no coefficient {name!r}{hint}")
+        found.append(name if name in known else subject.coefficient_name(name))
+    twice = [name for name, own in zip(names, found, strict=True) if found.count(own) > 1]
+    if twice:
+        raise InputError(f"coefficient {twice[0]!r} is named twice")
+    return tuple(found)
 
 
 def same_widths(model: Subject) -> dict[str, str]:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from hovercontrol.core.block import Block
 from hovercontrol.effects import Shape
+from hovercontrol.errors import InputError
 from hovercontrol.estimation.subject import Subject, same_widths, unknowns
 
 Array = NDArray[np.float64]
@@ -21,8 +22,9 @@ NARROWEST, WIDEST = 5e-4, 0.3
 class Unknowns:
     """The unknowns of a model.
 
-    Unknowns p are estimated in scaled coordinates z. Positive scale parameters (shapes such as widths, times
-    and stiffnesses) have ``z = log p``, all others ``z = p``.
+    Unknowns p are estimated in scaled coordinates z. Those that keep their sign (masses, times, widths of
+    friction) have ``z = log |p|``, all others ``z = p``. A parameter of a Block keeps its sign if its bounds
+    exclude zero or the equations are not defined there.
 
     Parameters
     ----------
@@ -42,10 +44,17 @@ class Unknowns:
         Initial values and bounds, in the units of the unknowns.
     log_scale : ndarray of bool, shape (P,)
         Unknowns whose logarithm is estimated.
+    sign : ndarray, shape (P,)
+        Sign of these unknowns; 1 for all others.
     size : ndarray, shape (P,)
         Magnitude of the initial values; 1 for zero.
     same : dict of str to str
         Parameters that share their value with an unknown.
+
+    Raises
+    ------
+    InputError
+        If an unknown that keeps its sign is zero in the model.
     """
 
     def __init__(
@@ -67,11 +76,19 @@ class Unknowns:
         shapes = {
             e.parameter(k): n for e in model.effects for k, n in e.numbers.items() if isinstance(n, Shape)
         }
+        keeps = model.sign_keeping()
         self.log_scale = np.array(
-            [name in shapes and _scales(shapes[name], values[name]) for name in self.names], dtype=bool
+            [n in keeps or (n in shapes and _scales(shapes[n], values[n])) for n in self.names], dtype=bool
         )
         self._bound_widths(model, paths)
         self.start = np.clip(self.start, self.lower, self.upper)
+        for name in (
+            n for n, value in zip(self.names, self.start.tolist(), strict=True) if n in keeps and not value
+        ):
+            raise InputError(
+                f"{model.name!r}: {name} = 0, where the equations are not defined; give it a start value"
+            )
+        self.sign = np.where(self.log_scale, np.sign(self.start), 1.0)
         self.size = np.array([abs(v) or 1.0 for v in self.start])
         self._every = [
             values.get(key, values.get(key.rpartition(".")[2], start))
@@ -93,16 +110,21 @@ class Unknowns:
 
     def inside(self, p: Array) -> Array:
         """Return the scaled coordinates z of unknowns p."""
-        return np.where(self.log_scale, np.log(np.where(self.log_scale, p, 1.0)), p)
+        return np.where(self.log_scale, np.log(np.where(self.log_scale, np.abs(p), 1.0)), p)
 
     def outside(self, z: Array) -> Array:
         """Return the unknowns p of scaled coordinates z, clipped to their bounds."""
-        p = np.where(self.log_scale, np.exp(np.where(self.log_scale, z, 0.0)), z)
+        p = np.where(self.log_scale, self.sign * np.exp(np.where(self.log_scale, z, 0.0)), z)
         return np.asarray(np.clip(p, self.lower, self.upper))
 
     def slope(self, p: Array) -> Array:
         """Return dp/dz: p for unknowns whose logarithm is estimated, else 1."""
         return np.where(self.log_scale, p, 1.0)
+
+    def held(self, p: Array, slope: Array) -> NDArray[np.bool_]:
+        """Return which unknowns are at a bound that the direction `slope` in z points across."""
+        up = slope * self.sign
+        return np.asarray(((p <= self.lower) & (up < 0)) | ((p >= self.upper) & (up > 0)))
 
     def parameters(self, p: Array) -> list[float]:
         """Return all parameters of the Block, with the values `p` of the unknowns."""

@@ -150,6 +150,8 @@ def identified_html(found: Identified) -> str:
         )
         std = f"± {c.std:.2g}" if math.isfinite(c.std) else "unknown"
         rows.append((c.name, c.value, std, c.unit, c.start, remark))
+    rows += [(g.name, g.value, f"± {g.std:.2g}", g.unit, g.start, "") for g in found.groups]
+    rows += [(c.name, c.value, "kept", c.unit, c.start, c.kept) for c in found.kept]
     left = [(r.equation, r.rms, r.seen, r.unit, percent(r.share)) for r in found.remaining]
     used = f"{found.rows} of {found.rows_total} rows of {', '.join(found.logs)}"
     return card(

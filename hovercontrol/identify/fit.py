@@ -21,19 +21,11 @@ from hovercontrol.core.boundary import checked
 from hovercontrol.discrepancy.search.base import base_fit, likelier_start
 from hovercontrol.errors import InputError
 from hovercontrol.estimation.data import Data, gather
-from hovercontrol.estimation.excitation import (
-    EXCITATION,
-    covariance,
-    idle_inputs,
-    information,
-    named_directions,
-    reason,
-    unexcited_directions,
-    widening,
-)
+from hovercontrol.estimation.excitation import Excitation
 from hovercontrol.estimation.fit import Fit
-from hovercontrol.estimation.measure import MOST_ROWS, Array, Measured, measure, refuse_still
+from hovercontrol.estimation.measure import MOST_ROWS, Measured, measure, refuse_still
 from hovercontrol.estimation.noise import averaging_time
+from hovercontrol.estimation.subject import named
 from hovercontrol.fmi.replay.plant import FmuPlant
 from hovercontrol.identify.fmu import FmuIdentified, identify_fmu
 from hovercontrol.identify.predict import prediction
@@ -55,6 +47,7 @@ def identify(
     logs: Sequence[Log | Measured],
     coefficients: Sequence[str] | None = None,
     *,
+    fixed: Sequence[str] = (),
     most_rows: int = MOST_ROWS,
     progress: Callable[[float, str], None] | None = None,
 ) -> Identified: ...
@@ -66,6 +59,7 @@ def identify(
     logs: Sequence[Log],
     coefficients: Sequence[str] | None = None,
     *,
+    fixed: Sequence[str] = (),
     most_rows: int = MOST_ROWS,
     progress: Callable[[float, str], None] | None = None,
 ) -> FmuIdentified: ...
@@ -77,10 +71,14 @@ def identify(
     logs: Sequence[Log | Measured] | Sequence[Log],
     coefficients: Sequence[str] | None = None,
     *,
+    fixed: Sequence[str] = (),
     most_rows: int = MOST_ROWS,
     progress: Callable[[float, str], None] | None = None,
 ) -> Identified | FmuIdentified:
     """Estimate coefficients of a model from logs.
+
+    Parameters that the logs determine only together (a gain over a mass) keep about their values, and the
+    product or sum that is determined is a row of its own (``found["k/m"]``).
 
     Parameters
     ----------
@@ -93,8 +91,11 @@ def identify(
         (``u, v, r``), both, or any other states or outputs of the Block. Logs that were already prepared by
         :func:`~hovercontrol.estimation.measure.measure` are used unchanged.
     coefficients : sequence of str, optional
-        Names of parameters, including shape parameters (``yaw_coulomb_width``); by default all linear
-        coefficients. Of an FMU: its parameters, by default those of its ``fit``.
+        Names of parameters, including shape parameters (``yaw_coulomb_width``). By default all parameters of
+        a Block, linear or not; of a craft its linear coefficients. Of an FMU: its parameters, by default
+        those of its ``fit``.
+    fixed : sequence of str, optional
+        Names of parameters that keep their values: a known gravity, a mass that was weighed.
     most_rows : int, optional
         Maximum number of rows of all logs together. Longer logs are reduced to evenly spaced stretches. All
         rows are used for an FMU.
@@ -126,8 +127,8 @@ def identify(
         own = [log for log in logs if isinstance(log, Log)]
         if len(own) < len(logs):
             raise InputError(f"{model.name}: an FMU is fitted to logs, found prepared measurements")
-        return identify_fmu(model, own, coefficients, progress=progress)
-    names = chosen(model, coefficients)
+        return identify_fmu(model, own, coefficients, fixed=fixed, progress=progress)
+    names, kept = chosen(model, coefficients, fixed), named(as_model(model), fixed)
     if not logs:
         raise InputError("identification needs at least one log")
     if as_model(model).is_craft:
@@ -137,7 +138,7 @@ def identify(
     with threadpool_limits(1, "blas"):  # with many small matrices BLAS threads would wait for each other
         data = gather(as_model(model), measured)
         fit = _fitted(model, data, names, report)
-        found = _identified(model, names, data, fit, report)
+        found = _identified(model, names, kept, data, fit, report)
     report(1.0, "done")
     return found
 
@@ -220,27 +221,21 @@ def _fitted(
 def _identified(
     model: AnyModel,
     names: Sequence[str],
+    fixed: Sequence[str],
     data: Data,
     fit: Fit,
     report: Callable[[float, str], None],
 ) -> Identified:
-    problem = fit.problem
-    nominal = as_model(model).nominal_sizes()
+    problem, subject = fit.problem, as_model(model)
+    nominal = subject.nominal_sizes()
     size = np.maximum([nominal[name] for name in problem.names], np.abs(fit.p) / 4)
-    S = information(fit)
-    C = covariance(S, size, widening(fit))
-    labels = [name.rpartition(".")[2] for name in names]
-    labels = labels if len(set(labels)) == len(labels) else list(names)
-    directions = named_directions(unexcited_directions(C, size), size, labels)
-    alone = 1.0 / np.sqrt(np.maximum(np.diag(S), 1e-300))
-    other = trust(fit, np.sqrt(np.diag(C)), lambda what: report(0.8, what))
+    shown = Excitation(fit, size)
+    other = trust(fit, np.sqrt(np.diag(shown.covariance)), fixed, lambda what: report(0.8, what))
     readings = [other.readings.get(name, ()) for name in names]
-    found = tuple(
-        _coefficient(fit, j, labels[j], C, size, alone, directions, readings[j]) for j in range(len(names))
-    )
-    values = {names[j]: f.value for j, f in enumerate(found)}
-    values |= {one: values[other] for one, other in problem.same.items()}
-    new = as_model(model).with_coefficients(values)
+    found = tuple(_coefficient(fit, shown, j, readings[j]) for j in range(len(names)))
+    values = problem.coefficients(fit.p)
+    starts = dict(zip(shown.labels, problem.start.tolist(), strict=True))
+    new = subject.with_coefficients(values)
     channels, logs = problem.rows.channels, problem.logs
     out = (np.isfinite(data.rows.values) & ~problem.seen).any(axis=2)
     used = problem.seen.sum(axis=(0, 1))
@@ -248,8 +243,8 @@ def _identified(
         model=new,
         block=new.plant(),
         coefficients=found,
-        covariance=C,
-        unexcited=directions,
+        covariance=shown.covariance,
+        unexcited=shown.directions,
         remaining=remaining(fit),
         ahead=prediction(fit, averaging_time(fit.problem)).share,
         units={c: problem.block.signal(c).unit for c in channels},
@@ -267,28 +262,32 @@ def _identified(
         fit=fit,
         missing=other.effects,
         gain=other.gain,
+        groups=tuple(
+            Fitted(g.name, g.value, g.std, g.unit, g.of(starts), noise_std=g.std) for g in shown.groups
+        ),
+        kept=_kept(fit, fixed),
     )
 
 
-def _coefficient(
-    fit: Fit,
-    j: int,
-    label: str,
-    C: Array,
-    size: Array,
-    alone: Array,
-    directions: Sequence[dict[str, float]],
-    readings: tuple[Reading, ...],
-) -> Fitted:
-    problem, value = fit.problem, float(fit.p[j])
-    signal = problem.block.parameter(problem.names[j])
+def _kept(fit: Fit, fixed: Sequence[str]) -> tuple[Fitted, ...]:
+    """Return the coefficients that the fit did not estimate, each with the reason."""
+    problem = fit.problem
+    free = problem.model.free_coefficients()
+    found = []
+    for name, value in problem.model.coefficients().items():
+        if name in problem.names or name in problem.same:
+            continue
+        why = "by you" if name in fixed or name in free else "shape of an effect: fitted if named"
+        unit = problem.block.parameter(name).unit
+        found.append(Fitted(name.rpartition(".")[2], value, 0.0, unit, value, kept=why))
+    return tuple(found)
+
+
+def _coefficient(fit: Fit, shown: Excitation, j: int, readings: tuple[Reading, ...]) -> Fitted:
+    problem, value, std = fit.problem, float(fit.p[j]), float(shown.std[j])
+    unit = problem.block.parameter(problem.names[j]).unit
     start = problem.model.coefficients()[problem.names[j]]
-    std = float(np.sqrt(C[j, j]))
     bound = "lower" if value <= problem.lower[j] else "upper" if value >= problem.upper[j] else ""
-    moving = [any(np.any(m.inputs[i] != 0.0) for m in problem.logs) for i in range(len(problem.block.inputs))]
-    idle = idle_inputs(problem.block, signal.name, moving)
-    why = reason(label, std, size[j], alone[j], directions, signal.unit, idle)
-    std = std if std < EXCITATION.no_information * size[j] else np.inf
     # Standard error: sqrt(noise_std^2 + max over the readings of (reading - value)^2).
     wide = math.hypot(std, max((abs(r.value - value) for r in readings), default=0.0))
-    return Fitted(label, value, wide, signal.unit, start, bound, why, std, readings)
+    return Fitted(shown.labels[j], value, wide, unit, start, bound, shown.reason(j), std, readings)

@@ -165,13 +165,15 @@ def identify_fmu(
     coefficients: Sequence[str] | None = None,
     holdout: Sequence[Log] = (),
     progress: Callable[[float, str], None] | None = None,
+    *,
+    fixed: Sequence[str] = (),
 ) -> FmuIdentified:
     """Estimate parameters of an FMU from logs; see :func:`~hovercontrol.identify.fit.identify`."""
     report = progress or (lambda part, what: None)
-    if coefficients is not None:
-        for name in coefficients:
-            model.value(name)
-        model = replace(model, fit=tuple(coefficients))
+    for name in (*(coefficients or ()), *fixed):
+        model.value(name)
+    wanted = model.fit if coefficients is None else tuple(coefficients)
+    model = replace(model, fit=tuple(name for name in wanted if name not in fixed))
     if not model.fit and not model.around.effects:
         raise InputError(f"{model.path}: no parameter to fit; those it has: {', '.join(model.parameters)}")
     if not logs:

@@ -106,6 +106,8 @@ class Fitted:
         Standard error due to noise, valid if the model is complete. 0: not known separately from `std`.
     readings : tuple of Reading
         Estimates that differ by more than `noise_std`: with a missing effect, or over a longer time.
+    kept : str
+        Why the fit kept the value: ``"by you"``; empty if it estimated it.
 
     Examples
     --------
@@ -123,6 +125,7 @@ class Fitted:
     reason: str = ""
     noise_std: float = 0.0
     readings: tuple[Reading, ...] = ()
+    kept: str = ""
 
     @property
     def excited(self) -> bool:
@@ -224,6 +227,10 @@ class Identified:
         Effects of the catalogue that increase the likelihood of the logs, the best first, as fitted.
     gain : float
         Reduction of twice the negative log likelihood by the best model with missing effects.
+    groups : tuple of Fitted
+        Products and sums of coefficients that the logs determine though they determine no member alone.
+    kept : tuple of Fitted
+        Coefficients that the fit did not estimate, each with the reason.
 
     Examples
     --------
@@ -260,13 +267,14 @@ class Identified:
     fit: Fit
     missing: tuple[Effect, ...] = ()
     gain: float = 0.0
+    groups: tuple[Fitted, ...] = ()
+    kept: tuple[Fitted, ...] = ()
 
     def __getitem__(self, name: str) -> Fitted:
-        for found in self.coefficients:
-            if found.name == name:
-                return found
-        hint = did_you_mean(name, [f.name for f in self.coefficients])
-        raise InputError(f"no coefficient {name!r} was identified{hint}")
+        every = {row.name: row for row in (*self.groups, *self.kept, *self.coefficients)}
+        if name not in every:
+            raise InputError(f"no coefficient {name!r} was identified{did_you_mean(name, every)}")
+        return every[name]
 
     @property
     def misfit(self) -> str:
@@ -310,7 +318,7 @@ class Identified:
         return self.ahead.get(remaining.state, best)
 
     def rows_of_table(self) -> list[tuple[str, str, str, str, str]]:
-        """Return name, value, standard error, unit and remark of each coefficient, as text."""
+        """Return name, value, standard error, unit and remark of each coefficient and group, as text."""
         table = []
         for f in self.coefficients:
             remarks = [f"at its {f.bound} bound"] if f.bound else []
@@ -318,6 +326,8 @@ class Identified:
             remarks += [str(reading) for reading in f.readings]
             std = f"{f.std:.2g}" if np.isfinite(f.std) else "inf"
             table.append((f.name, f"{f.value:.4g}", std, f.unit, "; ".join(remarks)))
+        table += [(g.name, f"{g.value:.4g}", f"{g.std:.2g}", g.unit, "") for g in self.groups]
+        table += [(f.name, f"{f.value:.4g}", "kept", f.unit, f.kept) for f in self.kept]
         return table
 
     def table(self) -> str:
@@ -366,7 +376,7 @@ class Identified:
 
         def write(temporary: Path) -> None:
             with temporary.open("w", newline="", encoding="utf-8") as stream:
-                rows = [_row(f) for f in self.coefficients]
+                rows = [_row(f) for f in (*self.coefficients, *self.groups, *self.kept)]
                 out = csv.DictWriter(stream, list(rows[0]))
                 out.writeheader()
                 out.writerows(rows)

@@ -105,13 +105,14 @@ class Study:
         holdout: Sequence[Log] = (),
         *,
         coefficients: Sequence[str] | None = None,
+        fixed: Sequence[str] = (),
         progress: Callable[[float, str], None] | None = None,
     ) -> Study:
         """Fit on the training logs, then predict every log.
 
         Parameters
         ----------
-        coefficients : sequence of str, optional
+        coefficients, fixed : sequence of str, optional
             As for :func:`~hovercontrol.identify.fit.identify`.
         progress : callable, optional
             Called with the finished fraction (0 to 1) and a text on the current step.
@@ -136,6 +137,7 @@ class Study:
             model,
             measured[: len(training)],
             coefficients,
+            fixed=fixed,
             progress=lambda part, what: report(0.2 + 0.6 * part, what),
         )
         labels = _labels([m.name for m in measured])

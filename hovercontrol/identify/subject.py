@@ -4,38 +4,37 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.errors import InputError
+from hovercontrol.estimation.subject import named
 from hovercontrol.models.interface import AnyModel, as_model
 
 
-def chosen(model: AnyModel, names: Sequence[str] | None) -> tuple[str, ...]:
+def chosen(model: AnyModel, names: Sequence[str] | None, fixed: Sequence[str] = ()) -> tuple[str, ...]:
     """Return the names of the coefficients to estimate, as the model names them.
 
     Parameters
     ----------
     names : sequence of str or None
-        Names with or without the Block's name as prefix; default: all linear coefficients.
+        Names with or without the Block's name as prefix; default: a craft's linear coefficients, or all
+        parameters of a Block.
+    fixed : sequence of str, optional
+        Names of coefficients that keep their values.
 
     Raises
     ------
     InputError
-        If a name is unknown (the message names the nearest) or listed twice, or the model has no
-        coefficients.
+        If a name is unknown (the message names the nearest), listed twice or both fitted and fixed, or no
+        coefficient is left.
     """
     subject = as_model(model)
-    known = subject.coefficients()
-    if names is None:
-        found = list(subject.linear_coefficients())
-    else:
-        found = []
-        for name in names:
-            if name not in known and name.rpartition(".")[2] not in known:
-                hint = did_you_mean(name, known)
-                raise InputError(f"{model.name!r} has no coefficient {name!r}{hint}")
-            found.append(name if name in known else subject.coefficient_name(name))
-        twice = [name for name, own in zip(names, found, strict=True) if found.count(own) > 1]
-        if twice:
-            raise InputError(f"coefficient {twice[0]!r} is named twice")
+    kept = named(subject, fixed)
+    found = subject.free_coefficients() if names is None else named(subject, names)
+    both = [name for name in found if name in kept] if names is not None else []
+    if both:
+        raise InputError(f"coefficient {both[0]!r} is to be fitted and fixed")
+    found = tuple(name for name in found if name not in kept)
     if not found:
-        raise InputError(f"{model.name!r} has no coefficients to identify")
-    return tuple(found)
+        raise InputError(
+            f"{model.name!r} has no coefficients to identify{' that are not fixed' if kept else ''}"
+        )
+    return found

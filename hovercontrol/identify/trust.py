@@ -13,7 +13,7 @@ missing effects and are biased. Two further estimates ("readings") of a coeffici
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -95,18 +95,22 @@ class Trust:
     gain: float = 0.0
 
 
-def trust(fit: Fit, std: Array, report: Callable[[str], None] = lambda what: None) -> Trust:
+def trust(
+    fit: Fit, std: Array, fixed: Sequence[str] = (), report: Callable[[str], None] = lambda what: None
+) -> Trust:
     """Return other readings of the coefficients of a fit.
 
     Parameters
     ----------
     std : ndarray, shape (P,)
         Standard errors of the coefficients.
+    fixed : sequence of str, optional
+        Parameters that keep their values in every reading.
     report : callable, optional
         Called with a text on the current step.
     """
     search = Search(fit.problem.model, None, CRITERIA, report)
-    found = _fitted(search, fit)
+    found = _fitted(search, fit, fixed)
     report("reading over longer times")
     readings: dict[str, list[Reading]] = {}
     for cause, other in found:
@@ -125,13 +129,13 @@ def trust(fit: Fit, std: Array, report: Callable[[str], None] = lambda what: Non
     return Trust({name: tuple(own) for name, own in readings.items()}, effects, gain)
 
 
-def _fitted(search: Search, fit: Fit) -> list[tuple[tuple[str, ...], Fit]]:
+def _fitted(search: Search, fit: Fit, fixed: Sequence[str]) -> list[tuple[tuple[str, ...], Fit]]:
     """Return fits of extended models, the most likely first, with the names of their additions.
 
     First the model's fixed parameters, such as the width of dry friction, are fitted too. Then effects of the
     catalogue are added.
     """
-    free = _with_all_numbers(search, fit)
+    free = _with_all_numbers(search, fit, fixed)
     kept, fit = free if free else ((), fit)
     search.report("scoring the catalogue")
     single = _tried(search, fit, TRUST.fitted)
@@ -148,14 +152,15 @@ def _fitted(search: Search, fit: Fit) -> list[tuple[tuple[str, ...], Fit]]:
     return found or ([free] if free else [])
 
 
-def _with_all_numbers(search: Search, fit: Fit) -> tuple[tuple[str, ...], Fit] | None:
+def _with_all_numbers(search: Search, fit: Fit, fixed: Sequence[str]) -> tuple[tuple[str, ...], Fit] | None:
     """Return the fixed parameters that change when all are fitted, and that fit; None if it gains little."""
     model = fit.problem.model
-    kept = [name for name in unknowns(model) if name not in fit.problem.names]
+    free = [name for name in unknowns(model) if name not in fixed]
+    kept = [name for name in free if name not in fit.problem.names]
     if not kept:
         return None
     search.report("fitting what was kept")
-    problem = Problem(model, fit.problem.data)
+    problem = Problem(model, fit.problem.data, free)
     try:
         full = refit(fit, problem, prior_of(problem, model))
     except FloatingPointError:

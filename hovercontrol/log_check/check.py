@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 from warnings import catch_warnings
 
 from hovercontrol.core.block import Block
@@ -32,6 +32,9 @@ from hovercontrol.models.interface import AnyModel, as_model
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+#: Coefficients that a trial fit estimates, groups, and coefficients that it keeps.
+Trial: TypeAlias = tuple[tuple[Fitted, ...], tuple[Fitted, ...], tuple[Fitted, ...]]
 
 #: Maximum number of rows in the trial fit, which does not need high accuracy.
 MOST_ROWS = 12_000
@@ -58,6 +61,10 @@ class Checked:
         Name of the model; empty without a model.
     coefficients : tuple of Fitted
         Results of a trial fit; empty without a model, or if an error prevents the fit.
+    groups : tuple of Fitted
+        Products and sums of coefficients that a fit could estimate, though no member alone.
+    kept : tuple of Fitted
+        Coefficients that the fit did not estimate.
 
     Examples
     --------
@@ -73,6 +80,8 @@ class Checked:
     warnings: tuple[str, ...]
     model: str
     coefficients: tuple[Fitted, ...]
+    groups: tuple[Fitted, ...] = ()
+    kept: tuple[Fitted, ...] = ()
 
     def __repr__(self) -> str:
         counts = f"{len(self.logs)} logs, {len(self.errors)} errors, {len(self.warnings)} warnings"
@@ -96,7 +105,7 @@ class Checked:
         if self.coefficients:
             lines += [
                 f"coefficients that a fit of {self.model} could estimate:",
-                *_coefficient_table(self.coefficients),
+                *_coefficient_table(self),
             ]
         elif self.model and not self.errors:
             lines += [f"{self.model} has no coefficient to fit"]
@@ -123,11 +132,14 @@ class Checked:
                 "coefficients": [
                     {
                         "name": c.name, "value": c.value, "std": c.std, "unit": c.unit, "start": c.start,
-                        "shown": c.excited, "reason": c.reason or None,
+                        "shown": c.excited and not c.kept, "reason": c.reason or None,
                         "trusted": c.trusted, "readings": [vars(r) for r in c.readings],
+                        "kept": c.kept or None,
                     }
-                    for c in self.coefficients
+                    for c in (*self.coefficients, *self.kept)
                 ],
+                "groups": [
+{"name": g.name, "value": g.value, "std": g.std, "unit": g.unit} for g in self.groups],
             }
         )  # fmt: skip
         return found
@@ -169,6 +181,7 @@ def check(
     model: AnyModel | FmuPlant | None,
     logs: Sequence[Log],
     *,
+    fixed: Sequence[str] = (),
     files: Sequence[Mapping[str, Array]] | None = None,
     unread: Sequence[str] = (),
     progress: Callable[[float, str], None] | None = None,
@@ -181,6 +194,8 @@ def check(
         Model of the logged system; with None only checks that need no model are made. Of an FMU the
         parameters of its ``fit`` are tried, without one all that are real numbers.
     logs : sequence of Log
+    fixed : sequence of str, optional
+        Parameters of the model that keep their values (:func:`~hovercontrol.identify.fit.identify`).
     files : sequence of mapping of str to ndarray, shape (n,), optional
         For each log the stamps [s] of the files it was joined from, by their names.
     unread : sequence of str, optional
@@ -224,22 +239,20 @@ def check(
         if model is not None:
             _collect(partial(check_logs, model, [log]), errors, warnings)
             errors += slow_rows(model, log)
-    coefficients: tuple[Fitted, ...] = ()
+    tried: Trial = ((), (), ())
     if model is not None and not errors:
         report(0.4, "comparing the logs")
         if len(logs) > 1:
             _collect(lambda: check_logs(model, logs), errors, warnings)
         if not errors:
             report(0.5, "a trial fit")
-            coefficients = (
-                _shown(model, logs, errors, warnings, report)
+            tried = (
+                _shown(model, logs, fixed, errors, warnings, report)
                 if fmu is None
                 else _shown_of_fmu(fmu, logs, errors, warnings, report)
             )
     seen = [line for line in warnings if line not in errors]
-    return Checked(
-        tuple(found), _once(errors), _once(seen), model.name if model is not None else "", coefficients
-    )
+    return Checked(tuple(found), _once(errors), _once(seen), model.name if model is not None else "", *tried)
 
 
 def _roles(block: Block | None) -> tuple[list[str], dict[str, str]]:
@@ -260,18 +273,23 @@ def _collect(work: Callable[[], list[str]], errors: list[str], warnings: list[st
 def _shown(
     model: Subject,
     logs: Sequence[Log],
+    fixed: Sequence[str],
     errors: list[str],
     warnings: list[str],
     report: Callable[[float, str], None],
-) -> tuple[Fitted, ...]:
+) -> Trial:
     try:
         with catch_warnings(action="ignore", category=UserWarning):  # already reported by earlier checks
             trial = identify(
-                model, logs, most_rows=MOST_ROWS, progress=lambda part, what: report(0.5 + 0.5 * part, what)
+                model,
+                logs,
+                fixed=fixed,
+                most_rows=MOST_ROWS,
+                progress=lambda part, what: report(0.5 + 0.5 * part, what),
             )
     except InputError as error:
         errors.append(str(error))
-        return ()
+        return (), (), ()
     known: list[str] = []
     _collect(lambda: check_fitted(trial.fit), errors, known)
     warnings += [line for line in known if "are not excited" not in line]  # already in the table
@@ -279,7 +297,7 @@ def _shown(
         warnings.append(
             f"{trial.outliers} of {trial.rows} rows are outliers of the fitted model: left out of a fit"
         )
-    return trial.coefficients
+    return trial.coefficients, trial.groups, trial.kept
 
 
 def _shown_of_fmu(
@@ -288,16 +306,16 @@ def _shown_of_fmu(
     errors: list[str],
     warnings: list[str],
     report: Callable[[float, str], None],
-) -> tuple[Fitted, ...]:
+) -> Trial:
     try:
         with catch_warnings(action="ignore", category=UserWarning):  # already reported by earlier checks
             trial = trial_fit(plant, logs, MOST_ROWS, lambda part, what: report(0.5 + 0.5 * part, what))
     except InputError as error:
         errors.append(str(error))
-        return ()
+        return (), (), ()
     if trial.misfit:
         warnings.append(trial.misfit)
-    return trial.coefficients
+    return trial.coefficients, (), ()
 
 
 def _once(lines: Sequence[str]) -> tuple[str, ...]:
@@ -357,18 +375,13 @@ def _outliers(c: Column) -> str:
     return f"{len(c.outliers)} ({first}{', ...' if len(c.outliers) > 2 else ''})"
 
 
-def _coefficient_table(coefficients: Sequence[Fitted]) -> list[str]:
+def _coefficient_table(found: Checked) -> list[str]:
     rows = [("coefficient", "estimate", "std. error", "unit", "shown")]
-    for c in coefficients:
-        rows.append(
-            (
-                c.name,
-                f"{c.value:.4g}",
-                f"{c.std:.2g}" if math.isfinite(c.std) else "unknown",
-                c.unit,
-                _verdict(c),
-            )
-        )
+    for c in found.coefficients:
+        std = f"{c.std:.2g}" if math.isfinite(c.std) else "unknown"
+        rows.append((c.name, f"{c.value:.4g}", std, c.unit, _verdict(c)))
+    rows += [(g.name, f"{g.value:.4g}", f"{g.std:.2g}", g.unit, _share(g.value, g.std)) for g in found.groups]
+    rows += [(c.name, f"{c.value:.4g}", "kept", c.unit, c.kept) for c in found.kept]
     return [f"  {line}" for line in aligned(rows)]
 
 
@@ -377,5 +390,9 @@ def _verdict(c: Fitted) -> str:
         return f"no: {c.reason}"
     if not c.trusted:
         return f"not to be trusted: {'; '.join(map(str, c.readings))}"
-    part = c.std / abs(c.value) if c.value else math.inf
+    return _share(c.value, c.std)
+
+
+def _share(value: float, std: float) -> str:
+    part = std / abs(value) if value else math.inf
     return f"yes, to {percent(part)}" if part < 1 else "yes: not distinguished from zero"

@@ -166,6 +166,8 @@ def checked_html(found: Checked) -> str:
         (c.name, c.value, f"± {c.std:.2g}", c.unit, "yes" if c.excited else f"no: {c.reason}")
         for c in found.coefficients
     ]
+    shown += [(g.name, g.value, f"± {g.std:.2g}", g.unit, "yes") for g in found.groups]
+    shown += [(c.name, c.value, "kept", c.unit, c.kept) for c in found.kept]
     return card(
         "Log check",
         found.model,

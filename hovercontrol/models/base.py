@@ -89,7 +89,15 @@ class EffectModel(ABC):
 
     @abstractmethod
     def linear_coefficients(self) -> tuple[str, ...]:
-        """Return the names of the coefficients in which the plant is linear (estimable ones)."""
+        """Return the names of the coefficients in which the plant is linear."""
+
+    def free_coefficients(self) -> tuple[str, ...]:
+        """Return the names of the coefficients that a fit estimates by default."""
+        return self.linear_coefficients()
+
+    def sign_keeping(self) -> frozenset[str]:
+        """Return the coefficients that keep their sign, since the equations are not defined at zero."""
+        return frozenset()
 
     @abstractmethod
     def input_units(self) -> dict[str, str]:

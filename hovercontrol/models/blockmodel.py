@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
-from hovercontrol.core.derivatives import linear_parameters
+from hovercontrol.core.derivatives import linear_parameters, nonzero_parameters
 from hovercontrol.core.expressions import Expressions
 from hovercontrol.core.signals import Signal, time
 from hovercontrol.core.summary import block_line
@@ -49,7 +49,7 @@ class BlockModel(EffectModel):
     Parameters
     ----------
     block : Block
-        Linear in its force coefficients.
+        Its parameters may enter in any way; a fit estimates all of them.
     catalogue : sequence of str, optional
         Names of the effects that could be added; default: all effects of
         :func:`~hovercontrol.effects.generic.generic_effects` of the Block.
@@ -211,6 +211,16 @@ class BlockModel(EffectModel):
         )
         return (*own, *self._linear_in_effects())
 
+    def free_coefficients(self) -> tuple[str, ...]:
+        """Return the Block's parameters, linear or not, and the effects' linear coefficients."""
+        return (*self._parameters, *self._linear_in_effects())
+
+    def sign_keeping(self) -> frozenset[str]:
+        """Return the Block's parameters that are not zero, by their bounds or for the equations."""
+        nonzero = nonzero_parameters(self.block)
+        own = self._parameters.items()
+        return frozenset(name for name, p in own if p.name in nonzero or p.lower > 0.0 or p.upper < 0.0)
+
     def coefficients(self) -> dict[str, float]:
         """Return the values of the Block's parameters and of the effects' coefficients."""
         return {name: p.start for name, p in self._parameters.items()} | self._effect_coefficients()
@@ -224,8 +234,8 @@ class BlockModel(EffectModel):
         return next(own for own, p in self._parameters.items() if p is wanted)
 
     def nominal_sizes(self) -> dict[str, float]:
-        """Return the nominal sizes of the Block's parameters, and the effects' sizes."""
-        own = {name: p.nominal for name, p in self._parameters.items()}
+        """Return the sizes of the Block's parameters (nominal, for one that is zero) and of the effects."""
+        own = {name: abs(p.start) or p.nominal for name, p in self._parameters.items()}
         return own | {name: abs(value) or 1.0 for name, value in self._effect_coefficients().items()}
 
     @cached_property

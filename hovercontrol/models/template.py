@@ -71,7 +71,7 @@ import hovercontrol as hc
 position = hc.Signal("position", "m", "of the trolley on its rail")
 velocity = hc.Signal("velocity", "m/s", "of the trolley")
 force = hc.Signal("force", "N", "commanded to the motor", lower=-150.0, upper=150.0)
-per_mass = hc.Signal("per_mass", "1/kg", "acceleration per force", start=0.02, lower=0.0)
+mass = hc.Signal("mass", "kg", "of the trolley", start=50.0)
 drag = hc.Signal("drag", "1/s", "drag in proportion to the velocity", start=0.4, lower=0.0)
 
 # ---- equations: the time derivative of each state, as SymPy expressions of the signals' symbols
@@ -81,10 +81,10 @@ BLOCK = hc.Block(
     states=[position, velocity],
     inputs=[force],
     outputs=[position],  # what is measured; a computed output has its line in output_expressions={{...}}
-    parameters=[per_mass, drag],
+    parameters=[mass, drag],
     derivatives={{
         "position": velocity.symbol,
-        "velocity": per_mass.symbol * force.symbol - drag.symbol * velocity.symbol,
+        "velocity": force.symbol / mass.symbol - drag.symbol * velocity.symbol,
     }},
 )
 

@@ -147,7 +147,7 @@ def test_a_sweep_of_ones_own_block_can_be_run_again_and_by_a_log(call, tmp_path)
     path.write_text(template("block", "trolley", path.name), encoding="utf-8")
     t = STEP * np.arange(100)
     hc.Log("push", t, {"force": np.ones(100)}).save(tmp_path / "push.csv")
-    words = (f"{path}:BLOCK", "--vary", "trolley.per_mass=0.01:0.04:2", "--commands", "push.csv")
+    words = (f"{path}:BLOCK", "--vary", "trolley.mass=25:100:2", "--commands", "push.csv")
     for _ in range(2):
         done = call("sweep", *words, "--of", "position", "--figure", "final", cwd=tmp_path)
         assert done.returncode == 0, done.stderr

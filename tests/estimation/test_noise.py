@@ -47,7 +47,9 @@ def test_each_move_raises_the_likelihood_until_the_truth_comes_back(linearised):
         system = augment(problem, linear, noise, unknowns=False)
         filtered = run_filter(system, keep=True)
         costs.append(float((filtered.white[..., 0] ** 2).sum() + filtered.log_det.sum()))
-        noise = moved(problem, noise, system, run_smoother(system, filtered, np.ones(1)), damping)
+        noise = moved(
+            problem, noise, system, run_smoother(system, filtered, np.ones(1)), np.empty(0), damping
+        )
     assert np.all(np.diff(costs[:4]) < 0.0) and costs[-1] == pytest.approx(min(costs), abs=0.01)
     assert noise.measured[0] == pytest.approx(0.01, rel=0.1)
     assert noise.process[0] == pytest.approx(0.5, rel=0.3)

@@ -11,15 +11,7 @@ from hovercontrol.core.boundary import checked
 from hovercontrol.discrepancy.checks.input_gain_check import refuse_gains
 from hovercontrol.errors import InputError
 from hovercontrol.estimation.coasting import coasting
-from hovercontrol.estimation.excitation import (
-    covariance,
-    idle_inputs,
-    information,
-    named_directions,
-    reason,
-    unexcited_directions,
-    widening,
-)
+from hovercontrol.estimation.excitation import Excitation
 from hovercontrol.estimation.fit import Fit
 from hovercontrol.estimation.levels import unlike
 from hovercontrol.estimation.navigation import Navigated
@@ -104,32 +96,20 @@ def check_excitation(base: Fit, predicts_nothing: bool = False) -> list[str]:
     InputError
         If no coefficient is excited: motion and commands are nearly constant.
     """
-    problem, linear = base.problem, set(base.problem.model.linear_coefficients())
-    own = [j for j, name in enumerate(problem.names) if name in linear]
-    if not own:
+    problem, free = base.problem, base.problem.model.free_coefficients()
+    names = [name for name in problem.names if name in free]
+    if not names:
         return []
-    names, size = [problem.names[j] for j in own], problem.size[own]
-    S = information(base)[np.ix_(own, own)]
-    C = covariance(S, size, widening(base)[own])
-    # standard errors: C_jj^(1/2) with all coefficients unknown, S_jj^(-1/2) with the others known
-    std = np.sqrt(np.diag(C))
-    alone = 1.0 / np.sqrt(np.maximum(np.diag(S), 1e-300))
-    blind = np.flatnonzero(std > size).tolist()
+    size = problem.size[[problem.names.index(name) for name in names]]
+    shown = Excitation(base, size, names)
+    blind = np.flatnonzero(np.sqrt(np.diag(shown.covariance)) > size).tolist()
     moving = [any(np.ptp(m.inputs[i]) > 0.0 for m in problem.logs) for i in range(len(problem.block.inputs))]
-    if len(blind) == len(names) and not (predicts_nothing and any(moving)):
+    if len(blind) == len(names) and not shown.groups and not (predicts_nothing and any(moving)):
         logs = ", ".join(m.name for m in problem.logs)
         raise InputError(
             f"{logs}: no coefficient of the model is excited: motion and commands are nearly constant"
         )
-    directions = named_directions(unexcited_directions(C, size), size, names)
-    used = [any(np.any(m.inputs[i] != 0.0) for m in problem.logs) for i in range(len(problem.block.inputs))]
-    said = []
-    for j in blind:
-        signal = problem.block.parameter(names[j])
-        idle = idle_inputs(problem.block, signal.name, used)
-        why = reason(names[j], std[j], size[j], alone[j], directions, signal.unit, idle)
-        said.append(f"{names[j]} are not excited by these logs: {why}")
-    return said
+    return [f"{names[j]} are not excited by these logs: {shown.reason(j)}" for j in blind]
 
 
 def predicts_nothing(base: Fit) -> list[str]:

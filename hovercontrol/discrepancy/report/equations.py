@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from dataclasses import dataclass
 
@@ -135,19 +134,19 @@ def coefficients(m: Context) -> str:
     """Return the table of all coefficients, given and fitted."""
     d = m.diagnosis
     found = d.selection.final
-    problem, C = found.problem, found.covariance
+    problem = found.problem
     given, values, without = d.model.coefficients(), d.amended.coefficients(), d.refitted.coefficients()
     widths = {e.friction_width() for e in problem.model.effects}
-    shown = [(j, name) for j, name in enumerate(problem.names) if name not in widths]
-    both = [n for _, n in shown if m.changed and n in without and n in given]
+    both = [n for n in problem.names if n not in widths and m.changed and n in without and n in given]
     bent = [n for n in both if _far(without[n], given[n]) and not _far(values[n], given[n])]
     rows: list[tuple[str, ...]] = []
-    for j, name in shown:
-        was = minus(f"{given[name]:.4g}") if name in given else "–"
-        alone = minus(f"{without[name]:.4g}") if name in without else "–"
-        std = math.sqrt(max(float(C[j, j]), 0.0))
-        u = unit(problem.block.parameter(name).unit)
-        rows.append((name, was, *([alone] if bent else []), plus_minus(values[name], std), u))
+    for c in (c for c in d.coefficients if c.name not in widths):
+        was = minus(f"{given[c.name]:.4g}") if c.name in given else "–"
+        alone = minus(f"{without[c.name]:.4g}") if c.name in without else "–"
+        value = f"{minus(f'{c.value:.4g}')} kept: {c.kept}" if c.kept else plus_minus(c.value, c.std)
+        rows.append((c.name, was, *([alone] if bent else []), value, unit(c.unit)))
+    for g in d.groups:
+        rows.append((g.name, "–", *(["–"] if bent else []), plus_minus(g.value, g.std), unit(g.unit)))
     note = "Found values with their standard errors."
     effects = listed([effect_words(n) for n in numbers_by_effect(m.diagnosis)])
     if bent:

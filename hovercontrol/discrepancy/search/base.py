@@ -39,6 +39,15 @@ def base_fit(
         If the simulation diverges from the logs.
     """
     problem = Problem(model, data, names)
+    if problem.unguessed:  # the size of hidden states follows from the model as it is given
+        noise = first_noise(problem)
+        noise = replace(noise, process=0.0 * noise.process)
+        seen = estimate(problem, prior_of(problem, model), noise, frozen=True, levels=False)
+        states = [problem.block.states[i].name for i in problem.free]
+        hidden = [name for name, own in zip(states, problem.hidden, strict=True) if own]
+        names_ = [s.name for s in problem.block.states]
+        guess = {name: seen.path[..., names_.index(name)] for name in hidden}
+        problem = Problem(model, data.seen_through(guess), names)
     return estimate(problem, prior_of(problem, model), first_noise(problem), gate=True, trace=trace)
 
 

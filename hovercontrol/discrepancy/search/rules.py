@@ -5,12 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
+import numpy as np
+
 from hovercontrol.discrepancy.criteria import Criteria
 from hovercontrol.discrepancy.evidence.blocks import Blocks
 from hovercontrol.discrepancy.evidence.sensors import only_noise
 from hovercontrol.discrepancy.search.candidates import catalogue
 from hovercontrol.discrepancy.search.fit import Search, Tried
 from hovercontrol.discrepancy.search.trace import Decision
+from hovercontrol.estimation.excitation import EXCITATION
 
 
 def passes(t: Tried, looked_at: int, criteria: Criteria) -> bool:
@@ -37,7 +40,31 @@ def tested(t: Tried, looked_at: int, criteria: Criteria) -> list[tuple[Decision,
     criteria : Criteria
     """
     left = not only_noise(t.fit, criteria)
-    return tests_of(t.name, t.gain, t.numbers, t.blocks, looked_at, criteria, left, t.effect.flexible)
+    rows = tests_of(t.name, t.gain, t.numbers, t.blocks, looked_at, criteria, left, t.effect.flexible)
+    if key := untold(t):
+        rule = "numbers of it that the logs tell nothing of, at most"
+        rows.append(
+            (Decision("confirm", t.name, rule, 1.0, 0.0, False), f"the logs tell nothing of its {key}")
+        )
+    return rows
+
+
+def untold(t: Tried) -> str:
+    """Return a number of a fitted effect of which the logs tell nothing; empty if there is none.
+
+    An effect in a limit of one of its numbers is another one: a hysteresis whose play exceeds all commands is
+    a gain.
+    """
+    fit, e = t.fit, t.effect
+    std, known = np.sqrt(np.maximum(np.diag(fit.covariance), 0.0)), np.einsum("wjj->j", fit.S)
+    for key in e.numbers:
+        name = e.parameter(key)
+        if name not in fit.problem.names or name == e.friction_width():
+            continue
+        j = fit.problem.names.index(name)
+        if not known[j] > 0.0 or std[j] > EXCITATION.no_information * abs(fit.p[j]) > 0.0:
+            return key
+    return ""
 
 
 def tests_of(

@@ -93,8 +93,7 @@ class Scores:
         problem, P = fit.problem, len(fit.p)
         z = problem.inside(fit.p)
         slack = self.f[:, :P].sum(axis=0) - fit.prior.precision * (z - fit.prior.centre)
-        stuck = ((fit.p <= problem.lower) & (slack < 0)) | ((fit.p >= problem.upper) & (slack > 0))
-        self.movable = np.flatnonzero(~stuck)
+        self.movable = np.flatnonzero(~problem.held(fit.p, slack))
         self.pull = fit.prior.precision * (z - fit.prior.centre)
         self.P = P
 
