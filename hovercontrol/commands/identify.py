@@ -120,6 +120,8 @@ def identify(
 
 
 def _as_json(study: Study) -> dict[str, Any]:
+    from hovercontrol.identify.result import others
+
     found = study.found
     return {
         "coefficients": [
@@ -127,9 +129,9 @@ def _as_json(study: Study) -> dict[str, Any]:
                 **vars(c), "reason": c.reason or None, "bound": c.bound or None, "excited": c.excited,
                 "trusted": c.trusted, "readings": [vars(r) for r in c.readings],
             }
-            for c in (*found.coefficients, *found.kept)
+            for c in found.coefficients
         ],
-        "groups": [{"name": g.name, "value": g.value, "std": g.std, "unit": g.unit} for g in found.groups],
+        **others(found.groups, found.kept),
         "remaining": [{**vars(r), "share": r.share} for r in found.remaining],
         "noise": found.residual,
         "units": found.units,

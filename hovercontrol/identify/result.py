@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -382,6 +382,14 @@ class Identified:
                 out.writerows(rows)
 
         return write_atomically(path, write)
+
+
+def others(groups: Sequence[Fitted], kept: Sequence[Fitted]) -> dict[str, list[dict[str, object]]]:
+    """Return groups and kept coefficients for JSON."""
+    return {
+        "groups": [{"name": g.name, "value": g.value, "std": g.std, "unit": g.unit} for g in groups],
+        "kept": [{"name": c.name, "value": c.value, "unit": c.unit, "reason": c.kept} for c in kept],
+    }
 
 
 def _row(f: Fitted) -> dict[str, object]:

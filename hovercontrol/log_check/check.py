@@ -18,7 +18,7 @@ from hovercontrol.estimation.subject import Subject, structure
 from hovercontrol.fmi.replay.plant import FmuPlant
 from hovercontrol.identify import identify
 from hovercontrol.identify.fmu import trial_fit
-from hovercontrol.identify.result import Fitted
+from hovercontrol.identify.result import Fitted, others
 from hovercontrol.io.folders import write_folder
 from hovercontrol.io.percent import percent
 from hovercontrol.io.plain_json import json_text, plain
@@ -132,14 +132,12 @@ class Checked:
                 "coefficients": [
                     {
                         "name": c.name, "value": c.value, "std": c.std, "unit": c.unit, "start": c.start,
-                        "shown": c.excited and not c.kept, "reason": c.reason or None,
+                        "shown": c.excited, "reason": c.reason or None,
                         "trusted": c.trusted, "readings": [vars(r) for r in c.readings],
-                        "kept": c.kept or None,
                     }
-                    for c in (*self.coefficients, *self.kept)
+                    for c in self.coefficients
                 ],
-                "groups": [
-{"name": g.name, "value": g.value, "std": g.std, "unit": g.unit} for g in self.groups],
+                **others(self.groups, self.kept),
             }
         )  # fmt: skip
         return found
