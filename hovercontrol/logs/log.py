@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -342,8 +343,8 @@ class Log:
         """
         target = Path(path)
         table = pa.table({"time": self.time, **self.columns})
-        parquet = target.suffix.lower() in PARQUET
-        write = pyarrow.parquet.write_table if parquet else pyarrow.csv.write_csv
+        with_checksums = partial(pyarrow.parquet.write_table, write_page_checksum=True)
+        write = with_checksums if target.suffix.lower() in PARQUET else pyarrow.csv.write_csv
         write_atomically(target, lambda temporary: write(table, temporary))
 
 

@@ -26,7 +26,7 @@ class ParquetSource:
     def __init__(self, file: Path) -> None:
         self.file = file
         try:
-            self._parquet = pyarrow.parquet.ParquetFile(file)
+            self._parquet = pyarrow.parquet.ParquetFile(file, page_checksum_verification=True)
             self.header: list[str] = self._parquet.schema_arrow.names
         except DAMAGED as error:
             raise InputError(f"{file}: not readable as Parquet: {reason(error)}") from None
