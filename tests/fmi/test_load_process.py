@@ -7,6 +7,7 @@ import pickle
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -39,6 +40,35 @@ def test_an_isolated_fmu_may_crash_exit_or_hang(probe, fmi, trouble, line):
     with pytest.raises(InputError, match=f"FMU 'probe' failed in the step from t = 0.3 s: {line}"):
         ct.input_output_response(system, T, U, params={"trouble": TROUBLE[trouble]})
     np.testing.assert_allclose(ct.input_output_response(system, T, U).outputs, exact(), atol=1e-14)
+
+
+@pytest.mark.skipif(not Path("/proc/self/schedstat").exists(), reason="Linux alone says who waits")
+def test_waiting_for_a_busy_processor_is_not_held_against_an_fmu():
+    """Once 120 s of wall time ended an FMU on a machine whose cores had other work."""
+    core = min(os.sched_getaffinity(0))
+    here = f"import os, time; os.sched_setaffinity(0, {{{core}}})\n"
+    busy = [subprocess.Popen([sys.executable, "-c", here + "while True: pass"]) for _ in range(2)]
+
+    def waits(script, limit):
+        child = subprocess.Popen([sys.executable, "-c", here + script], stdout=subprocess.PIPE)
+        answers, begin = worker.queue.SimpleQueue(), time.monotonic()
+        threading.Thread(target=worker._forward, args=(child.stdout, answers), daemon=True).start()
+        try:
+            return worker._answer(answers, child.pid, limit), time.monotonic() - begin
+        except worker.queue.Empty:
+            return None, time.monotonic() - begin
+        finally:
+            child.kill()
+            child.wait()
+
+    try:
+        line, took = waits("while time.process_time() < 0.3: pass\nprint('done', flush=True)", 0.6)
+        assert line == b"done\n" and took > 0.6
+        assert waits("time.sleep(60)", 0.5)[0] is None
+    finally:
+        for process in busy:
+            process.kill()
+            process.wait()
 
 
 def test_what_an_isolated_fmu_prints_is_no_answer(probe):

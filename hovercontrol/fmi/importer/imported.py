@@ -68,7 +68,8 @@ def load(
     isolated : bool, optional
         Run the FMU in a separate process, so that its crash, exit or hang is an error here.
     timeout : float, optional
-        Longest wait for one call into an isolated FMU [s]; then its process is ended.
+        Longest time for one call into an isolated FMU [s]; then its process is ended. On Linux, time in
+        which it waits for a busy processor does not count.
     kind : {"CoSimulation", "ModelExchange"}, optional
         Which part of the FMU (default: Co-Simulation if it has both).
     strict : bool, optional

@@ -14,6 +14,7 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -27,6 +28,9 @@ from hovercontrol.fmi.importer.ticking import instance_of
 #: Time for the child to load Python and the FMU, and to free it [s].
 START_TIME, STOP_TIME = 60.0, 2.0
 
+#: Shortest wait before a limit is looked at again [s].
+POLL = 0.05
+
 
 class Remote:
     """An FMU in a separate process, a :class:`hovercontrol.fmi.importer.instance.Engine`.
@@ -38,7 +42,8 @@ class Remote:
     name : str
         The instance's name, for its messages.
     timeout : float
-        Longest wait for one call [s].
+        Longest time for one call [s], in which the process computes or sleeps: on Linux the time in which it
+        waits for a processor does not count.
     serving : {"instance", "replayer"}, optional
         What the process makes of the FMU: an Instance, or a
         :class:`hovercontrol.fmi.replay.replayer.Replayer`, whose methods are called by :meth:`call`.
@@ -129,7 +134,7 @@ class Remote:
         wait = self._timeout if timeout is None else timeout
         try:
             self._send(child, [name, *arguments])
-            line = self._answers.get(timeout=wait)
+            line = _answer(self._answers, child.pid, wait)
             if not line:
                 raise EOFError
             answer = json.loads(line)
@@ -164,6 +169,35 @@ class Remote:
                 if pipe is not None:
                     pipe.close()
         self._child = None
+
+
+def _answer(answers: queue.SimpleQueue[bytes], pid: int, limit: float) -> bytes:
+    """Return the next line of a child.
+
+    Only time in which the child computes or sleeps counts towards `limit` [s]; time in which it waits for a
+    processor that other processes use does not. A child that sleeps for ever is thus given up after `limit`.
+
+    Raises
+    ------
+    queue.Empty
+        If there is none in time.
+    """
+    begin, queued, left = time.monotonic(), _queued(pid), limit
+    while True:
+        try:
+            return answers.get(timeout=max(left, POLL))
+        except queue.Empty:
+            left = limit - (time.monotonic() - begin - (_queued(pid) - queued))
+            if left <= 0.0:
+                raise
+
+
+def _queued(pid: int) -> float:
+    """Return how long a process has waited for a processor [s], as Linux says it; elsewhere 0."""
+    try:
+        return int(Path(f"/proc/{pid}/schedstat").read_text().split()[1]) / 1e9
+    except (OSError, IndexError, ValueError):
+        return 0.0
 
 
 def _forward(pipe: IO[bytes], answers: queue.SimpleQueue[bytes]) -> None:
