@@ -45,6 +45,9 @@ class Direction:
     change: dict[str, float]
     units: dict[str, str]
 
+    def __repr__(self) -> str:
+        return self.sentence()
+
     @classmethod
     def of(cls, units: Mapping[str, str], vector: Array, sizes: Array) -> Direction:
         """Return the direction of a vector, shape (m,), of coefficients in units of these sizes.

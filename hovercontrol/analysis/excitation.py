@@ -118,6 +118,9 @@ class Excitation:
     joint: FunctionSet
     tolerance: float
 
+    def __repr__(self) -> str:
+        return self.table()
+
     @property
     def observable(self) -> bool:
         """Whether the motion excites all coefficients."""

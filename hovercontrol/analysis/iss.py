@@ -181,6 +181,9 @@ class IssGain:
     exact: float
     guaranteed: float
 
+    def __repr__(self) -> str:
+        return self.table()
+
     def error(self, coefficient_error: float) -> float:
         """Return the bound of |z1| [m] where each coefficient is wrong by at most this, in its own unit.
 

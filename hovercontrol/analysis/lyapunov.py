@@ -59,6 +59,8 @@ class LyapunovFunction:
     P: sp.ImmutableMatrix
     Q: sp.ImmutableMatrix
 
+    __repr__ = short_repr
+
     def condition_18(self) -> sp.Expr:
         """Return the bound below which beta leaves V positive definite: sqrt(k1)."""
         return _largest(self.P, self.beta)

@@ -23,6 +23,7 @@ from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.io.pyplot import open_in_pyplot
 from hovercontrol.io.short_repr import short_repr
+from hovercontrol.io.text_table import aligned
 from hovercontrol.targets.trim import Trim
 
 if TYPE_CHECKING:
@@ -30,6 +31,12 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 ALL_DECAY = OutsideModes()
+
+#: Units of the margins; 1 is a factor.
+UNITS = {
+    "gain_up": "1", "gain_down": "1", "phase": "deg", "crossover": "rad/s", "disk": "1", "disk_gain": "1",
+    "disk_phase": "deg", "delay": "s", "jitter": "s",
+}  # fmt: skip
 
 #: A factor as small, or its inverse, stands for none at all.
 SMALL = 1e-9
@@ -84,6 +91,12 @@ class Margins:
     jitter: float = math.nan
     outside: OutsideModes = ALL_DECAY
     loop: control.StateSpace | None = field(default=None, repr=False, compare=False)
+
+    def __repr__(self) -> str:
+        rows = [(name, f"{getattr(self, name):.4g}", unit) for name, unit in UNITS.items()]
+        return "\n".join(
+            [f"the loop is {'stable' if self.stable else 'unstable'}; {self.outside}", *aligned(rows)]
+        )
 
     def plot(self) -> Figure:
         """Return the Bode plot of the loop, with crossover and phase and gain margins marked.

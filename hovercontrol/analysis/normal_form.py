@@ -19,6 +19,7 @@ from hovercontrol.controllers.references import OUTPUTS as REFERENCE
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
+from hovercontrol.io.short_repr import short_repr
 from hovercontrol.models.model import Model
 from hovercontrol.models.motion import MOTION
 
@@ -68,6 +69,8 @@ class NormalForm:
     errors: dict[str, sp.Expr]
     rest: dict[str, sp.Expr]
     velocities: dict[str, sp.Expr]
+
+    __repr__ = short_repr
 
 
 def once_for_equations(

@@ -130,6 +130,9 @@ class Stabilizability:
     byrnes_isidori: ByrnesIsidori
     sampled: bool = False
 
+    def __repr__(self) -> str:
+        return self.sentence()
+
     @property
     def verdict(self) -> Verdict:
         """Return ``possible``, ``impossible`` or ``undecided``."""

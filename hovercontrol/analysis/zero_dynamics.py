@@ -50,6 +50,8 @@ class ZeroDynamics:
     nose: tuple[sp.Expr, sp.Expr]
     stern: tuple[sp.Expr, sp.Expr]
 
+    __repr__ = short_repr
+
     def condition_24(self) -> sp.Expr:
         """Return (24), corrected [C17 eq 24]: J^-1 d_r is larger than this.
 

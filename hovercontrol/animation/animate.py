@@ -147,6 +147,13 @@ class Animation:
     trail: bool = True
     forces: bool = True
 
+    def __repr__(self) -> str:
+        first, last = self.motion.time[[0, -1]]
+        return (
+            f"Animation of {self.motion.name}: {self.frames} frames from {first:g} to {last:g} s, "
+            f"{self.fps:g} a second at speed {self.speed:g}; save(FILE.html, .mp4 or .gif) writes it"
+        )
+
     @property
     def frames(self) -> int:
         """Number of frames."""

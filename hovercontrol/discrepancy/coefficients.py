@@ -13,6 +13,7 @@ from hovercontrol.estimation.excitation import Excitation
 from hovercontrol.estimation.fit import Fit
 from hovercontrol.estimation.groups import Group
 from hovercontrol.estimation.subject import unknowns
+from hovercontrol.io.short_repr import short_repr
 
 
 @checked
@@ -43,6 +44,8 @@ class Refitted:
     unit: str
     start: float
     kept: str = ""
+
+    __repr__ = short_repr
 
 
 def refitted(fit: Fit, given: Mapping[str, float]) -> tuple[tuple[Refitted, ...], tuple[Group, ...]]:

@@ -31,6 +31,7 @@ from hovercontrol.estimation.groups import Group
 from hovercontrol.estimation.subject import Subject
 from hovercontrol.io.folders import write_folder
 from hovercontrol.io.pyplot import open_in_pyplot
+from hovercontrol.io.short_repr import short_repr
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -67,6 +68,8 @@ class Found:
     std: float
     unit: str
     place: str = ""
+
+    __repr__ = short_repr
 
     @property
     def interval(self) -> tuple[float, float]:

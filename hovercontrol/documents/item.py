@@ -10,6 +10,7 @@ from typing import Literal
 
 from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
+from hovercontrol.io.short_repr import short_repr
 
 Verdict = Literal["agrees", "differs", "not printed in enough detail", "failed"]
 
@@ -114,6 +115,8 @@ class Item:
     why: str = ""
     units: Callable[[], Mapping[str, str]] = dict
 
+    __repr__ = short_repr
+
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
             raise InputError(f"{self.name}: the kind must be one of {', '.join(KINDS)}, found {self.kind!r}")
@@ -158,6 +161,8 @@ class Outcome:
     files: tuple[str, ...] = ()
     seconds: float = 0.0
     failure: str = ""
+
+    __repr__ = short_repr
 
     @property
     def verdict(self) -> Verdict:

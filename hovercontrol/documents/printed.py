@@ -17,6 +17,7 @@ from pathlib import Path
 from hovercontrol.core.boundary import checked
 from hovercontrol.documents.item import Item, Printed
 from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.io.short_repr import short_repr
 
 #: What computes an item: it draws into a folder and returns the numbers by name.
 Measure = Callable[[Path], Mapping[str, float]]
@@ -50,6 +51,8 @@ class Numbered:
     title: str
     without_code: str = ""
     printed: tuple[Printed, ...] = field(default=())
+
+    __repr__ = short_repr
 
     @property
     def key(self) -> tuple[str, str, str]:

@@ -87,6 +87,10 @@ class MovingHorizon(control.optimal.OptimalEstimationProblem):
             for given, slope in zip(self.constraints, slopes, strict=True)
         ]
 
+    def __repr__(self) -> str:
+        plant, samples = self.sampled, len(self.timepts)
+        return f"MovingHorizon of block {plant.name!r}: {samples} samples of {plant.period:g} s"
+
     def compute_estimate(
         self,
         outputs: ArrayLike | None = None,

@@ -98,6 +98,9 @@ class Observability:
     hidden_modes: tuple[complex, ...]
     period: float = 0.0
 
+    def __repr__(self) -> str:
+        return self.sentence()
+
     @property
     def observable(self) -> bool:
         """Whether all states are observable from the outputs."""

@@ -22,6 +22,7 @@ from hovercontrol.estimation.prior import prior_of
 from hovercontrol.estimation.problem import Problem
 from hovercontrol.io.pyplot import open_in_pyplot
 from hovercontrol.io.short_repr import short_repr
+from hovercontrol.io.text_table import aligned
 from hovercontrol.logs import Log, Span
 from hovercontrol.models.interface import AnyModel, as_model
 from hovercontrol.targets.shoot import shoot
@@ -125,6 +126,15 @@ class Prediction:
     rms: Mapping[str, float]
     nrmse: Mapping[str, float]
     trivial: Mapping[str, float]
+
+    def __repr__(self) -> str:
+        title = f"rms error {self.horizon:g} s ahead from {self.starts} rows, beside that of constant states"
+        rows = [("channel", "error", "trivial", "unit", "share")]
+        for name, share in self.share.items():
+            rows.append(
+                (name, f"{self.rms[name]:.3g}", f"{self.trivial[name]:.3g}", self.units[name], f"{share:.3g}")
+            )
+        return "\n".join([title, *aligned(rows)])
 
     @property
     def share(self) -> Mapping[str, float]:

@@ -20,6 +20,7 @@ from hovercontrol.estimation.fit import Fit
 from hovercontrol.io.files import write_atomically
 from hovercontrol.io.percent import percent
 from hovercontrol.io.pyplot import open_in_pyplot
+from hovercontrol.io.short_repr import short_repr
 from hovercontrol.io.text_table import aligned
 from hovercontrol.models.blockmodel import BlockModel
 from hovercontrol.models.model import Model
@@ -127,6 +128,8 @@ class Fitted:
     readings: tuple[Reading, ...] = ()
     kept: str = ""
 
+    __repr__ = short_repr
+
     @property
     def excited(self) -> bool:
         """Whether the log excites the coefficient."""
@@ -169,6 +172,8 @@ class Remaining:
     seen: float
     over: float
     unit: str
+
+    __repr__ = short_repr
 
     @property
     def share(self) -> float:

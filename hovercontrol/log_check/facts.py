@@ -79,6 +79,8 @@ class Timing:
     trials: int
     seconds: float
 
+    __repr__ = short_repr
+
 
 @checked
 @dataclass(frozen=True)
@@ -123,6 +125,8 @@ class Column:
     resolution: float | None
     outliers: tuple[float, ...]
     change_every: float | None
+
+    __repr__ = short_repr
 
 
 @checked

@@ -8,6 +8,7 @@ from typing import Literal, get_args
 
 from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
+from hovercontrol.io.short_repr import short_repr
 from hovercontrol.logs import Log
 from hovercontrol.models.interface import AnyModel
 
@@ -43,6 +44,8 @@ class Term:
     std: float | None = None
     sure: bool = True
 
+    __repr__ = short_repr
+
 
 @checked
 @dataclass(frozen=True)
@@ -72,6 +75,8 @@ class Answer:
     verdict: str
     terms: tuple[Term, ...] = ()
     predicted: AnyModel | None = None
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "terms", tuple(self.terms))

@@ -18,6 +18,7 @@ from hovercontrol.core.boundary import checked
 from hovercontrol.core.signals import Signal
 from hovercontrol.effects.drag import per_second
 from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.io.short_repr import short_repr
 from hovercontrol.logs import Log
 from hovercontrol.missing_physics.machines import MACHINES, Machine
 from hovercontrol.models.blockmodel import BlockModel
@@ -63,6 +64,8 @@ class Truth:
     terms: dict[str, str]
     coefficient: float
 
+    __repr__ = short_repr
+
 
 @checked
 @dataclass(frozen=True, eq=False)
@@ -93,6 +96,8 @@ class Case:
     holdout: Log
     truth: Truth = field(repr=False)
     motion: Array = field(repr=False)
+
+    __repr__ = short_repr
 
 
 @checked

@@ -14,6 +14,7 @@ from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.core.sgn import regularise
 from hovercontrol.errors import InputError
+from hovercontrol.io.short_repr import short_repr
 from hovercontrol.missing_physics.answer import Answer, Term
 from hovercontrol.missing_physics.cases import NOTHING, Case, expression_of
 from hovercontrol.models.interface import as_model
@@ -67,6 +68,8 @@ class Score:
     coefficient: bool | None
     false_names: int
     reduction: dict[str, float]
+
+    __repr__ = short_repr
 
     def result(self) -> dict[str, object]:
         """Return the figures by name, as JSON has them.

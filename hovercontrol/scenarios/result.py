@@ -33,6 +33,11 @@ class Measured:
     metric: Metric
     value: float
 
+    def __repr__(self) -> str:
+        m = self.metric
+        met = "met" if self.met else "not met"
+        return f"{m.name}: {self.value:.4g} {m.unit}, expected {m.low:g} to {m.high:g}: {met}"
+
     @property
     def met(self) -> bool:
         """Whether the value lies in the metric's range."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from hovercontrol.core.boundary import checked
+from hovercontrol.io.short_repr import short_repr
 
 
 @checked
@@ -39,6 +40,8 @@ class Decision:
     value: float = math.nan
     limit: float = math.nan
     passed: bool = True
+
+    __repr__ = short_repr
 
     def result(self) -> dict[str, Any]:
         """Return the entry of ``result.json``."""

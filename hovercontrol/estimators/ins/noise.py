@@ -18,6 +18,7 @@ from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
 from hovercontrol.estimators.diagonal import diagonal
 from hovercontrol.estimators.ins.imu import IMU_PERIOD
+from hovercontrol.io.short_repr import short_repr
 from hovercontrol.io.tables import number, positive
 
 _SIZES = {"Q1": 2, "R1": 1, "P1": 2, "Q2": 4, "R2": 2, "P2": 6}
@@ -63,6 +64,8 @@ class InsNoise:
     Q2: tuple[float, ...] = (3.4e-2, 2.7e-2, 5e-4, 5e-4)
     R2: tuple[float, ...] = (5.6e-4, 5.6e-4)
     P2: tuple[float, ...] = (1.0, 1.0, 5.6e-4, 5.6e-4, 1.0, 1.0)
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         for name, size in _SIZES.items():
@@ -116,6 +119,8 @@ class SensorErrors:
     heading: float = math.sqrt(1.6e-4)
     velocity: float = 0.1
     position: float = math.sqrt(5.6e-4)
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         for name in self.__dataclass_fields__:

@@ -29,6 +29,7 @@ from hovercontrol.estimators.ins.noise import InsNoise, noise_from_sensors
 from hovercontrol.estimators.ins.ranges import RangeAids, measured_ranges
 from hovercontrol.estimators.ins.velocity_position import innovation_outputs
 from hovercontrol.hardware.sensors.beacons import Beacons
+from hovercontrol.io.short_repr import short_repr
 from hovercontrol.io.tables import number, positive
 
 Array = NDArray[np.float64]
@@ -86,6 +87,8 @@ class ParticleFilter:
     roughening: float
     echoes: float
     seed: int
+
+    __repr__ = short_repr
 
     def start(self, runs: int = 1, start: Mapping[str, ArrayLike] | None = None) -> RunningParticles:
         """Draw the initial particles of one or more runs.
@@ -225,6 +228,10 @@ class RunningParticles:
         self._held: Array | None = None
         self._psi = np.array(mean[0])
         self._functions = _functions(made)
+
+    def __repr__(self) -> str:
+        made = self._made
+        return f"RunningParticles of {made.name}: {len(self._psi)} runs of {made.particles} particles"
 
     def tick(self, inputs: Array, span: float, outputs: Sequence[str]) -> Array:
         """Advance the particles by one tick and return the outputs.

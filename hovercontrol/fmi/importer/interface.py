@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 from hovercontrol.errors import InputError
 from hovercontrol.fmi.importer.clocks import Clock
+from hovercontrol.io.short_repr import short_repr
 
 #: The smallest and largest value of each type that is a whole number; FMI 2 has 32 bits.
 WHOLE = {f"Int{n}": (-(2 ** (n - 1)), 2 ** (n - 1) - 1) for n in (8, 16, 32, 64)}
@@ -112,6 +113,8 @@ class Interface:
     directional: bool = False
     findings: tuple[str, ...] = ()  # what breaks the standard and was tolerated
     clocks: tuple[Clock, ...] = ()  # that the importer ticks
+
+    __repr__ = short_repr
 
 
 def units_and_descriptions(

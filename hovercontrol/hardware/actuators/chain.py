@@ -15,6 +15,7 @@ from hovercontrol.hardware.actuators.signals import TICK, UPDATE
 from hovercontrol.hardware.actuators.speed import fan_motor, speed_controller
 from hovercontrol.hardware.actuators.tables import FanTable, ServoTable
 from hovercontrol.hardware.actuators.thrust import thrust_force, thrust_lookup
+from hovercontrol.io.short_repr import short_repr
 
 
 @checked
@@ -41,6 +42,8 @@ class Actuators:
     pilot: tuple[Block, ...]
     board: tuple[Block, ...]
     body: Block
+
+    __repr__ = short_repr
 
     @property
     def sampled(self) -> tuple[Block, ...]:

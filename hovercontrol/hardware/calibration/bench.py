@@ -26,6 +26,7 @@ from hovercontrol.hardware.actuators.tables import FanTable
 from hovercontrol.hardware.calibration.fits import fit_reverse_ratio, fit_thrust
 from hovercontrol.hardware.calibration.result import Fit, Floats, measured
 from hovercontrol.io.pyplot import open_in_pyplot
+from hovercontrol.io.short_repr import short_repr
 from hovercontrol.logs.check import check_finite
 from hovercontrol.logs.source import open_source
 
@@ -61,6 +62,8 @@ class FanCalibration:
     ratio: Fit
     lookup: FanTable
     reverse: FanTable
+
+    __repr__ = short_repr
 
     @property
     def tables(self) -> tuple[FanTable, FanTable]:
