@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.core.units import Dimension, dimension, unit_text
+from hovercontrol.io.short_repr import short_repr
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -52,6 +53,8 @@ class Group:
     unit: str
     members: Mapping[str, int]
     added: bool = False
+
+    __repr__ = short_repr
 
     def of(self, values: Mapping[str, float]) -> float:
         """Return the value of the group for other values of its members."""
