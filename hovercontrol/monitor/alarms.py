@@ -161,18 +161,18 @@ class Alarms:
         self.found.append(now)
         yield "named", now
 
-    def quiet(self, time: float) -> Iterator[tuple[str, Alarm]]:
+    def quiet(self, time: float, since: float) -> Iterator[tuple[str, Alarm]]:
         """Report that no rows come any more: every sensor is dead, until rows come again.
 
         Parameters
         ----------
-        time : float
-            Now, on the clock of the rows [s]; not a number before the first row.
+        time, since : float
+            Now, and when the last one came, on the clock of the rows [s]; not a number before the first row.
         """
         self.silent = True
         for name in self._measured:
             if name not in self._dead:
-                yield self._died(name, time, self._time)
+                yield self._died(name, time, since)
 
     def heard(self) -> None:
         """Report that rows come again: from the next tick on the samples decide."""

@@ -4,8 +4,8 @@ A row goes on if its stamp is at most :data:`NEAR` periods after the last one. A
 rows after it:
 
 - a stamp within :data:`LONGEST_GAP` ends a gap if the next one is later still;
-- :data:`CHAIN` stamps in a row that go on from each other, but not from the last one, are a clock that begins
-  again;
+- :data:`CHAIN` stamps in a row that go on from each other, but not from the last one, are a clock that
+  begins, or begins again;
 - else it is left out, as soon as a row goes on from the last one.
 
 Rows of one stamp are one row; one that contradicts the first of them is left out.
@@ -129,9 +129,9 @@ class Clock:
 
     def _unit_of(self, step: float) -> int:
         """Return the unit in which a step is nearest to the usual one: round(log10(step/usual)/3)."""
-        if self.in_seconds or not step > self._step:
+        if self.in_seconds or not self._step < step < math.inf:
             return 0
-        return min(round(math.log10(step / self._step) / 3.0), len(UNITS) - 1)
+        return min(round((math.log10(step) - math.log10(self._step)) / 3.0), len(UNITS) - 1)
 
     def _begin(self) -> Iterator[Row | Note]:
         """Take the rows that wait as the beginning of a clock."""

@@ -1,8 +1,8 @@
 """Commands that are lost: without them the motion cannot be predicted, and every motion would be a change.
 
 A command without a value in a row holds, as where commands are logged when they change. But one that came
-with every row for the time after which a sensor is dead is expected in every row: while it is missing the
-rows wait, and after that time it is lost. So is one that never came, or one whose rows are missing as long.
+with every row for the time after which a sensor is dead is expected in every row: rows without it are left
+out, and after that time it is lost. So is one that never came, or one whose rows are missing as long.
 """
 
 from __future__ import annotations
@@ -30,20 +30,17 @@ class Commands:
         self._forget()
 
     def _forget(self) -> None:
-        self._waiting: list[Row] = []
-        self._began: float | None = None
         self._run: dict[str, tuple[float, float]] = {}  # first and last time of the latest rows with a value
         self._missing: set[str] = set(self._names)
+        self._began: float | None = None
         self._last = math.inf
 
     def take(self, row: Row) -> Iterator[Row | Note]:
-        """Take a row; give the rows that may be used, and a note for a command that is lost or back."""
+        """Take a row; give it if it may be used, and a note for a command that is lost or back."""
         if row.begins:
-            yield from self.end()
             self._forget()
         self._began = row.time if self._began is None else self._began
         yield from self._gap(row)
-        unknown = self._names_without_run()
         for name in self._names:
             if math.isfinite(row.values.get(name, math.nan)):
                 self._run[name] = (row.time if name in self._missing else self._run[name][0], row.time)
@@ -52,15 +49,16 @@ class Commands:
                 self._missing.add(name)
         expected = [name for name in self._missing if self._is_expected(name)]
         if not expected:
-            yield from self._pass(row, unknown)
-        elif not self._lost:
-            self._waiting.append(row)
-            for name in expected:
-                since = self._run[name][1] if name in self._run else self._began
-                if row.time - since >= self._patience:
-                    self._lost.add(name)
-                    self._waiting = []
-                    yield Note("dead", f"no values of the command {name}", row.time, name=name, since=since)
+            for name in sorted(self._lost):
+                yield Note("back", f"values of the command {name}", row.time, name=name)
+                row.begins = True
+            self._lost = set()
+            yield row
+        for name in expected if not self._lost else ():
+            since = self._run[name][1] if name in self._run else self._began
+            if row.time - since >= self._patience:
+                self._lost.add(name)
+                yield Note("dead", f"no values of the command {name}", row.time, name=name, since=since)
 
     def _gap(self, row: Row) -> Iterator[Note]:
         """Let the monitor start anew after rows that are missing with their commands."""
@@ -69,25 +67,6 @@ class Commands:
             row.begins = True
             text = f"no rows, so no commands, from {before:.10g} s to {row.time:.10g} s"
             yield Note("restart", f"{text}: the monitor starts anew", before)
-
-    def end(self) -> Iterator[Row]:
-        """Give the rows that wait; a command holds in them."""
-        waiting, self._waiting = self._waiting, []
-        if not self._names_without_run():
-            yield from waiting
-
-    def _pass(self, row: Row, unknown: set[str]) -> Iterator[Row | Note]:
-        if unknown:  # rows before the first value of a command say nothing
-            self._waiting = []
-        yield from self.end()
-        for name in sorted(self._lost):
-            yield Note("back", f"values of the command {name}", row.time, name=name)
-            row.begins = True
-        self._lost = set()
-        yield row
-
-    def _names_without_run(self) -> set[str]:
-        return set(self._names) - self._run.keys()
 
     def _is_expected(self, name: str) -> bool:
         first, last = self._run.get(name, (-math.inf, math.inf))

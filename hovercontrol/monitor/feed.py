@@ -1,8 +1,9 @@
 """Rows of a log to ticks of a monitor, one by one: a log that is read, or one that still grows.
 
-Row i belongs to the tick ``round((t_i - t_0)/T)`` of the period T. Ticks without a row are lost samples; of
-several rows at one tick each signal has the value nearest in time. Commands hold until the next one. What the
-stamps of rows mean is decided by :mod:`.clock`, and which rows wait for their commands by :mod:`.commands`.
+Row i belongs to the tick ``k = round((t_i - t_0)/T)`` of the period T. The ticks follow the clock of the
+rows: each row moves t_0 by a part of ``t_i - t_0 - k T``. Ticks without a row are lost samples; of several
+rows at one tick each signal has the value nearest in time. Commands hold until the next one. What the stamps
+of rows mean is decided by :mod:`.clock`, and which rows are used without a command by :mod:`.commands`.
 """
 
 from __future__ import annotations
@@ -26,6 +27,9 @@ from hovercontrol.simulation.reasons import StoppedError
 
 #: A value that is this many times the largest of the sound log is damaged, or in another unit.
 FAR = 1000.0
+
+#: Part of the time between a row and its tick by which the ticks follow: jitter is averaged over 16 rows.
+FOLLOWS = 1.0 / 16.0
 
 Array = NDArray[np.float64]
 
@@ -113,7 +117,7 @@ class Feed:
         self._learnt: dict[str, float] = {}
         self._bias = dict.fromkeys(self.measured, 0.0)
         self._reset = False
-        self._start_of: float | None = None
+        self._running, self._begin_of = False, 0.0
         self._rows: dict[str, tuple[float, float]] = {}
         self._later: dict[str, float] = {}
         self._tick, self._begun = 0, False
@@ -169,8 +173,6 @@ class Feed:
     def end(self) -> Iterator[Tick | Note]:
         """Give the ticks of the last rows."""
         yield from self._take(self.clock.end())
-        for row in self._known.end():
-            yield from self._feed(row)
         yield from self._finish()
 
     @property
@@ -188,18 +190,22 @@ class Feed:
     def _feed(self, row: Row) -> Iterator[Tick | Note]:
         if row.begins and self._begun:
             yield from self._finish()
-            self._start_of, self.restarts = None, self.restarts + 1
-        if self._start_of is None:
+            self._running, self.restarts = False, self.restarts + 1
+        if not self._running:
             self._begin(row.time, row.values)
-        start = self._start_of
-        assert start is not None
-        tick = round((row.time - start) / self._period)
-        while self._start_of == start and self._tick < tick:
-            yield from self._step()
-        if self._start_of != start:  # the equations gave no number
+        tick, before = round((row.time - self._begin_of) / self._period), self.restarts
+        while self.restarts == before and self._tick < tick:
+            if self._rows:
+                yield from self._step()
+            else:
+                yield from self._unseen(tick, row)
+        if self.restarts != before:  # the equations gave no number
             yield from self._feed(row)
             return
-        away = abs(row.time - start - tick * self._period)
+        late = row.time - self._begin_of - tick * self._period
+        self._begin_of += max(FOLLOWS, 1.0 / self._count) * late
+        self._count += 1
+        away = abs(late)
         for name, value in row.values.items():
             if math.isfinite(value):
                 if name in self._commanded:
@@ -208,8 +214,48 @@ class Feed:
                     self._rows[name] = (away, value)
 
     def _finish(self) -> Iterator[Tick | Note]:
-        if self._start_of is not None and self._rows:
+        if self._running and self._rows:
             yield from self._step()
+
+    def _unseen(self, tick: int, row: Row) -> Iterator[Tick | Note]:
+        """Give the ticks without a row before a tick, at which a row has come.
+
+        If a command differs after them, it changed at one of the n + 1 ticks, nobody knows which. With x0 and
+        x1 the predictions by the command before and after, and d = x1 - x0, the prediction has the mean
+        (x0 + x1)/2 and a covariance that is larger by d d' (n + 2)/(12 n), that of n + 1 equal chances.
+        """
+        n, before = tick - self._tick, self.restarts
+        held = {name: self._held[self._places[name]] for name in self.commands}
+        new = {name: row.values.get(name, math.nan) for name in self.commands}
+        differ = {name: value for name, value in new.items() if math.isfinite(value) and value != held[name]}
+        x0, x1 = (self._predicted(n, some) for some in ({}, differ)) if differ else ({}, {})
+        for _ in range(n):
+            if self.restarts == before:
+                yield from self._step()
+        if not differ or self.restarts != before:
+            return
+        names = list(self._estimates.values())
+        d = [x1[name] - x0[name] for name in names]
+        state = {name: x0[name] + away / 2 for name, away in zip(names, d, strict=True)}
+        for i in range(len(d)):
+            for j in range(i, len(d)):
+                key = f"{names[i].rpartition('xhat')[0]}P[{i},{j}]"
+                state[key] = x0[key] + d[i] * d[j] * (n + 2) / (12 * n)
+        self._runner.set(state=state)
+
+    def _predicted(self, ticks: int, commands: Mapping[str, float]) -> dict[str, float]:
+        """Return the monitor's states after ticks without a row, by these commands; it stays as it is."""
+        saved, inputs = self._runner.save(), self._held.copy()
+        for name in self._fresh:
+            inputs[self._places[name]] = 0.0
+        for name, value in commands.items():
+            inputs[self._places[name]] = value
+        for _ in range(ticks):
+            self._runner.set(inputs=inputs)
+            states = self._runner.state
+            self._runner.step(None, self._period)
+        self._runner.restore(saved)
+        return dict(zip(self._runner.state_labels, states.tolist(), strict=True))
 
     def _begin(self, time: float, values: Mapping[str, float]) -> None:
         at = self._learnt | {
@@ -217,13 +263,14 @@ class Feed:
             for name in self.measured
             if name in self._estimates and math.isfinite(values.get(name, math.nan))
         }
-        self._start_of, self._tick, self._rows = time, 0, {}
+        self._begin_of, self._count, self._tick, self._rows = time, 1, 0, {}
         self._later = {}
         self._held = np.array([s.start for s in self.block.inputs])
         for name, place in self._places.items():
             if name in self.measured and name in values and math.isfinite(values[name]):
                 self._held[place] = values[name] - self._bias[name]
         self._runner, self._begun, self._first = self._compiled.start(at, self._params), True, True
+        self._running = True
 
     def _step(self) -> Iterator[Tick | Note]:
         for name, (_, value) in self._rows.items():
@@ -234,8 +281,7 @@ class Feed:
             self._held[self._places[name]] = float(seen)
         self._held[self._places["reset"]] = float(self._reset)
         self._reset = False
-        assert self._start_of is not None
-        time = self._start_of + self._tick * self._period
+        time = self._begin_of + self._tick * self._period
         try:
             self._runner.set(inputs=self._held)
             values = self._runner.outputs
@@ -251,7 +297,7 @@ class Feed:
             begins, self._first = self._first, False
             yield Tick(time, values, begins, there)
         else:
-            self._start_of, self.restarts = None, self.restarts + 1
+            self._running, self.restarts = False, self.restarts + 1
             text = "the equations of the monitor give no number: it starts anew"
             yield Note("restart", text, time, self.restarts)
 

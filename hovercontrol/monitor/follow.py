@@ -156,8 +156,8 @@ class _Following:
         """Say that every sensor is dead if no row could be used for too long: by time, or by their number."""
         passed = max(time.monotonic() - self._heard, self._unused * self._step)
         if passed >= self._patience and not self.alarms.silent:
-            last = self.feed.clock.last
-            for event, alarm in self.alarms.quiet(math.nan if last is None else last.time + passed):
+            last = math.nan if self.feed.clock.last is None else self.feed.clock.last.time
+            for event, alarm in self.alarms.quiet(last + passed, last):
                 yield {"event": event, **alarm_json(alarm)}
 
 

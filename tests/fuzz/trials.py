@@ -28,6 +28,7 @@ from hovercontrol.samples import sample_path
 from hovercontrol.scenarios import load_scenario, scenario_names
 from tests.fuzz import mutate
 from tests.fuzz.judge import Broken, call, command, forked
+from tests.fuzz.live import live_rows
 from tests.logs.readers import written
 
 # ---- logs ----------------------------------------------------------------------------------------------
@@ -419,6 +420,7 @@ TRIALS = {
     words_are_given: 8,
     a_message_comes_to_the_cockpit: 10,
     a_request_comes_to_the_server: 5,
+    live_rows: 10,
     a_function_is_called: 20,
     anything_public_is_called_wrongly: 20,
     a_run_is_interrupted: 0.4,

@@ -54,6 +54,28 @@ def test_lost_late_and_jittering_samples_are_no_alarm(watch, rng):
     assert hc.replay(watch, run.select(some)).time[-1] == pytest.approx(run.time[some[-1]], abs=PERIOD)
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_rows_that_are_lost_with_their_commands_are_no_alarm(watch, seed):
+    """The force changes its sign in some of them: when, nobody knows."""
+    lost = np.random.default_rng(seed).uniform(size=600) < 0.1
+    assert hc.replay(watch, log(seed=seed).select(~lost)).alarms == ()
+    (alarm,) = hc.replay(watch, log(seed=seed, drag=0.3).select(~lost)).alarms
+    assert alarm.name == "c" and abs(alarm.change - 0.3) < 3 * alarm.std < 0.15
+
+
+@pytest.mark.parametrize("clock", [0.99, 0.999, 1.001, 1.01])
+def test_a_clock_that_runs_at_another_rate_is_no_alarm(watch, clock):
+    """After 50 to 500 rows its stamps are half a period off the ticks of the sound log."""
+    run = log(120.0)
+    assert hc.replay(watch, hc.Log("cart.csv", clock * run.time, run.columns)).alarms == ()
+
+
+def test_a_first_stamp_that_is_off_by_half_a_period_is_no_alarm(watch):
+    run = log()
+    time = np.append(run.time[0] - 4.5 * PERIOD, run.time[1:])
+    assert hc.replay(watch, hc.Log("cart.csv", time, run.columns)).alarms == ()
+
+
 def test_a_silent_sensor_is_dead_from_its_last_sample_until_it_speaks(watch):
     run = log()
     silent = (run.time > 20.0) & (run.time < 24.05)
