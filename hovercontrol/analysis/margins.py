@@ -195,7 +195,7 @@ def loop_margins(loop: control.StateSpace | control.TransferFunction) -> Margins
     if outside.grow or not (np.abs(poles) < 1 if sampled else np.real(poles) < 0).all():
         return Margins(stable=False, outside=outside, loop=loop)
     gains, phases, _, _, crossovers, _ = control.stability_margins(loop, returnall=True)
-    gains = np.append(gains, _at_half_rate(loop)) if sampled else np.asarray(gains)
+    gains = np.append(gains, _at_the_ends(loop)) if sampled else np.asarray(gains)
     gains = gains[(gains > SMALL) & (gains < 1 / SMALL)]
     phases, crossovers = np.radians(np.asarray(phases, dtype=float)), np.asarray(crossovers, dtype=float)
     least = int(np.argmin(np.abs(phases))) if len(phases) else -1
@@ -309,10 +309,10 @@ def negative(line: control.StateSpace) -> control.StateSpace:
     return control.StateSpace(*matrices, states=line.state_labels, remove_useless_states=False)
 
 
-def _at_half_rate(loop: control.StateSpace) -> list[float]:
-    """Return the gain at which a sampled loop is at the edge at z = -1; a search of crossings misses it."""
-    response = complex(loop(-1.0))
-    return [-1 / response.real] if response.real < 0 else []
+def _at_the_ends(loop: control.StateSpace) -> list[float]:
+    """Return the gains with which a sampled loop is at the edge at z = 1 and -1, which a search misses."""
+    ends = [complex(loop(z)) for z in (1.0, -1.0)]
+    return [-1 / end.real for end in ends if np.isfinite(end) and end.real < 0]
 
 
 def _jitter(closed: control.StateSpace) -> float:

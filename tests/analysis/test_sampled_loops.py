@@ -36,6 +36,11 @@ def test_the_gain_margin_is_where_an_eigenvalue_leaves_the_unit_circle():
     assert found.phase == pytest.approx(ct.margin(ct.ss(A, B, K, 0, H))[1])
 
 
+def test_a_negative_gain_at_frequency_zero_has_a_gain_margin():
+    line = ct.ss([[0.5]], [[1.0]], [[-0.01]], 0, H)  # L(1) = -0.02
+    assert hc.analysis.loop_margins(line).gain_up == pytest.approx(50.0)
+
+
 def test_the_response_is_that_on_the_unit_circle_up_to_nyquists_frequency():
     blocks, rest, K = loop()
     found = hc.bode(blocks, "F", rest)
