@@ -14,7 +14,6 @@ If a constant costs least, the solver begins again from it. The plan with the le
 
 from __future__ import annotations
 
-from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -22,6 +21,7 @@ from numpy.typing import NDArray
 
 from hovercontrol.controllers.optimizer import TOLERANCE, Optimizer, UnsolvedError
 from hovercontrol.controllers.shooting import Problem, Stage
+from hovercontrol.core.constant_inputs import SIZES, constant_inputs, directions
 from hovercontrol.core.singular import finite_jacobian
 from hovercontrol.errors import InputError
 
@@ -29,10 +29,6 @@ Array = NDArray[np.float64]
 
 #: Points between a plan and the solver's, as fractions of the way to the solver's, if that one costs more.
 LINE = 0.5 ** np.arange(1, 6)
-#: Constants that are tried, as fractions of the largest; each is within a factor 2 of every one between.
-SIZES = 0.25 ** np.arange(5)
-#: Up to this number of inputs all are moved together, with more of them one or two at a time.
-TOGETHER = 3
 
 
 class Plan(NamedTuple):
@@ -88,8 +84,6 @@ class Planner:
     def __init__(self, stage: Stage, problem: Problem, optimizer: Optimizer, weights: Array) -> None:
         self._stage, self._problem, self._optimizer, self._weights = stage, problem, optimizer, weights
         self._directions = directions(len(stage.lower))
-        self._rest = np.clip(0.0, stage.lower, stage.upper)
-        self._room = np.stack([self._rest - stage.lower, stage.upper - self._rest])
         self._nominal = np.array([s.nominal for s in stage.plant.inputs])
 
     def plan(self, last: Array, at: Sample) -> Plan:
@@ -161,14 +155,12 @@ class Planner:
     def _constants(self, last: Array, cost: float, sample: int) -> Array:
         """Return the last plan with some inputs constant, shape (n_plans, horizon, n_inputs)."""
         # an input u held over N periods costs N R u^2 alone: not above the cost that is already predicted
-        with np.errstate(divide="ignore"):
-            dear = np.sqrt(cost / (len(last) * self._weights))
-        largest = np.minimum(self._room, dear)
-        largest = np.where(np.isfinite(largest), largest, self._nominal / SIZES[-1])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            dear = np.nan_to_num(np.sqrt(cost / (len(last) * self._weights)), nan=np.inf, posinf=np.inf)
         sizes = SIZES if not sample else SIZES[[sample % len(SIZES)]]
-        below, above = np.minimum(self._directions, 0.0), np.maximum(self._directions, 0.0)
-        levels = self._rest + sizes[:, None, None] * (below * largest[0] + above * largest[1])
-        fixed = np.broadcast_to(self._directions != 0.0, levels.shape).reshape(-1, 1, len(self._rest))
+        bounds = self._stage.lower, self._stage.upper, self._nominal
+        levels = constant_inputs(*bounds, largest=dear, sizes=sizes)
+        fixed = np.broadcast_to(self._directions != 0.0, levels.shape).reshape(-1, 1, levels.shape[2])
         return np.where(fixed, levels.reshape(fixed.shape), last)
 
     def _limited(self, plans: Array, before: Array) -> Array:
@@ -181,16 +173,3 @@ class Planner:
                 now = plans[:, k - 1] if k else before
                 plans[:, k] = np.clip(plans[:, k], now - fast, now + fast)
         return plans
-
-
-def directions(m: int) -> Array:
-    """Return in which directions inputs are moved: -1, 0 or 1 for each of m inputs, shape (n, m).
-
-    Examples
-    --------
-    >>> [len(directions(m)) for m in (1, 2, 3, 6)]
-    [2, 8, 26, 72]
-    """
-    together = m if m <= TOGETHER else 2
-    every = product((-1.0, 0.0, 1.0), repeat=m)
-    return np.array([p for p in every if 0 < np.count_nonzero(p) <= together])

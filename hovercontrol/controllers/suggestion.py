@@ -5,7 +5,7 @@ could stop runs past its waypoint. So the horizon has the times to get going, to
 
     T = T_go + T_turn + T_stop,
 
-each the shortest one under constant inputs at their limits (or zero), from rest: T_go to reach the speed of
+each the shortest one under constant inputs at their limits or at rest, from rest: T_go to reach the speed of
 the reference, T_turn to turn by pi, T_stop to fall from that speed to 1/e of it on a straight way.
 
 Weights follow Bryson's rule, 1 over the square of an acceptable deviation (Bryson and Ho, Applied Optimal
@@ -22,9 +22,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hovercontrol.controllers.plans import directions
 from hovercontrol.controllers.prediction_arguments import substeps_of
 from hovercontrol.controllers.shooting import Stage
+from hovercontrol.core.constant_inputs import constant_inputs
 
 Array = NDArray[np.float64]
 #: Whether it occurs after each step; given states, shape (n_constants, n_points + 1, n_states), and the step.
@@ -57,8 +57,8 @@ def times_of(stage: Stage, speed: float, heading: int) -> Times:
     heading : int
         Index of the state that is the heading, -1 for none.
     """
-    rest, each = np.clip(0.0, stage.lower, stage.upper), directions(len(stage.lower))
-    constants = np.where(each > 0, stage.upper, np.where(each < 0, stage.lower, rest))
+    rest = np.clip(0.0, stage.lower, stage.upper)
+    constants = constant_inputs(stage.lower, stage.upper, rest, sizes=np.ones(1))[0]
     start = np.array([s.start for s in stage.plant.states])
 
     def speeds(x: Array, h: float) -> Array:

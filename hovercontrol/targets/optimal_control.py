@@ -7,6 +7,7 @@ central differences without a simulation.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Sequence
 from typing import Any, TypeAlias
 
@@ -19,6 +20,8 @@ from scipy.optimize import LinearConstraint, NonlinearConstraint
 
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
+from hovercontrol.core.caller import caller_level
+from hovercontrol.core.constant_inputs import constant_inputs
 from hovercontrol.core.expressions import Expressions
 from hovercontrol.core.singular import finite_jacobian
 from hovercontrol.core.switching import switching_conditions
@@ -34,6 +37,8 @@ Constraint: TypeAlias = LinearConstraint | NonlinearConstraint | tuple[Any, ...]
 #: Step of central differences of a cost or constraint, relative to a value of 1 or more: the cube root of the
 #: rounding, 1e-16, where it and the step's square have like parts in the error.
 DIFFERENCE = 6e-6
+#: Violation of a constraint that counts as none, as in SLSQP; share by which constant inputs must cost less.
+VIOLATION, MARGIN = 1e-6, 1e-3
 #: Runge-Kutta steps of the sensitivities: per step of the system at least, and per time constant.
 LEAST, PER_TIME_CONSTANT = 8, 8
 
@@ -60,6 +65,10 @@ def solve_ocp(
 
     python-control passes no gradients on to SciPy, which then simulates once for each unknown. Here each
     simulation also gives its sensitivities to the inputs. The result is python-control's.
+
+    Where a derivative by an input vanishes, SciPy finds a stationary point that is no minimum: no motion at
+    all, of a thrust ``k n abs(n)`` from n = 0. So the result is compared with constant inputs within their
+    bounds; if one of them costs less, the problem is solved again from there.
 
     Parameters
     ----------
@@ -102,7 +111,7 @@ def solve_ocp(
     >>> cart = hc.Block("cart", [v], [a], [v], derivatives={"v": a.symbol}).to_control(step=0.5)
     >>> cost = control.optimal.quadratic_cost(cart, [[1.0]], [[1.0]])
     >>> found = solve_ocp(cart, np.arange(3) * 0.5, [1.0], cost, terminal_cost=cost)
-    >>> found.inputs.round(3).tolist(), found.problem.system_simulations <= 8
+    >>> found.inputs.round(3).tolist(), found.problem.system_simulations <= 20
     ([-0.621, -0.276, 0.0], True)
     """
     problem = GradientProblem(
@@ -120,13 +129,26 @@ def solve_ocp(
     if start.shape != (system.nstates,):
         n = system.nstates
         raise InputError(f"solve_ocp: initial_state: expected {n} values, found shape {start.shape}")
-    return problem.compute_trajectory(
-        start,
-        squeeze=squeeze,
-        transpose=transpose,
-        return_states=return_states,
-        print_summary=print_summary,
-    )
+    options = {
+        "squeeze": squeeze, "transpose": transpose, "return_states": return_states, "print_summary": False,
+    }  # fmt: skip
+    try:
+        found = problem.compute_trajectory(start, **options)
+        guess = problem.cheaper(found.x)
+        if guess is not None:
+            again = problem.compute_trajectory(start, initial_guess=guess, **options)
+            found = again if problem.merit(again.x) < problem.merit(found.x) else found
+    except RuntimeError as error:  # of python-control's simulation
+        raise InputError(f"solve_ocp: {str(error).splitlines()[0]}") from None
+    if guess is not None and problem.cheaper(found.x) is not None:
+        warnings.warn(
+            "solve_ocp: constant inputs cost less than the result, a stationary point: try other guesses",
+            stacklevel=caller_level(),
+        )
+    if print_summary:
+        problem._print_statistics()
+        print("* Final cost:", found.cost)
+    return found
 
 
 def _listed(name: str, given: Constraint | Sequence[Constraint] | None) -> list[Constraint]:
@@ -190,6 +212,44 @@ class GradientProblem(optimal.OptimalControlProblem):
             states.append(self.system._rhs(t, states[-1], u))
         self.system_simulations += 1
         return np.array(states).T
+
+    # ---- constant inputs, compared with a result ---------------------------------------------------------
+
+    def merit(self, c: Array) -> tuple[float, float]:
+        """Return by how much the coefficients c violate the constraints on the motion, and their cost."""
+        off = [0.0]
+        for one in self.constraints:
+            if one.fun != self._collocation_constraint:
+                value = np.ravel(one.fun(c))
+                off.append(float(np.max([one.lb - value, value - one.ub], initial=0.0)))
+        violation = max(off)
+        return (violation if violation > VIOLATION else 0.0), float(self._cost_function(c))
+
+    def cheaper(self, c: Array) -> Array | tuple[Array, Array] | None:
+        """Return the best constant inputs as a guess, if they are better than the coefficients c."""
+        violation, cost = self.merit(c)
+        best, least = None, (violation, cost - MARGIN * abs(cost))
+        for level in self._constants():
+            inputs = np.tile(level[:, None], self.timepts.size)
+            guess = (self._simulate_states(self.x, inputs), inputs) if self.collocation else inputs
+            merit = self.merit(self._process_initial_guess(guess))
+            if merit < least:
+                best, least = guess, merit
+        return best
+
+    def _constants(self) -> Array:
+        """Return constant inputs of several sizes within their bounds, shape (n, n_inputs)."""
+        signals, n = self.system.block.inputs, self.system.nstates
+        low, high = (np.array([getattr(s, side) for s in signals]) for side in ("lower", "upper"))
+        for kind, of, below, above in self.trajectory_constraints:
+            for row, a, b in (
+                zip(np.atleast_2d(of), below, above, strict=True) if kind == LinearConstraint else ()
+            ):
+                if np.count_nonzero(row) == 1 and row[n:].any():  # a bound of one input
+                    j = int(np.flatnonzero(row[n:])[0])
+                    a, b = sorted((a / row[n + j], b / row[n + j]))
+                    low[j], high[j] = max(low[j], a), min(high[j], b)
+        return constant_inputs(low, high, np.array([s.nominal for s in signals])).reshape(-1, len(signals))
 
     # ---- dx/dc and du/dc of the coefficients c -------------------------------------------------------------
 
