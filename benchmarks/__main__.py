@@ -35,6 +35,7 @@ from benchmarks import (
     monitor_tick,
     monitor_watch,
     mpc,
+    mpc_plants,
     navigation,
     outside,
     real_logs,
@@ -80,6 +81,7 @@ ALL = {
     "autopilot": autopilot,
     "navigation": navigation,
     "mpc": mpc,
+    "mpc_plants": mpc_plants,
 }
 
 

@@ -6,10 +6,11 @@ there the solver finds a stationary point that is no minimum, and stays. So plan
 predicted cost, which needs no derivatives:
 
 - the last plan, shifted by one period, and points between it and the solver's (a line search),
-- for each input, each pair of inputs (of up to three inputs all together) and each direction a constant,
-  among the bounds, in place of the last plan.
+- the inputs before, held,
+- for each input, each pair of inputs (of up to three inputs all together) and each direction constants of
+  several sizes within the bounds, over several lengths, in place of the last plan.
 
-If a constant costs least, the solver begins again from it. The plan with the least predicted cost is taken.
+If a constant costs less, the solver begins again from it. The plan with the least predicted cost is taken.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from numpy.typing import NDArray
 
 from hovercontrol.controllers.optimizer import TOLERANCE, Optimizer, UnsolvedError
 from hovercontrol.controllers.shooting import Problem, Stage
-from hovercontrol.core.constant_inputs import SIZES, constant_inputs, directions
+from hovercontrol.core.constant_inputs import constant_inputs, directions
 from hovercontrol.core.singular import finite_jacobian
 from hovercontrol.errors import InputError
 
@@ -29,6 +30,10 @@ Array = NDArray[np.float64]
 
 #: Points between a plan and the solver's, as fractions of the way to the solver's, if that one costs more.
 LINE = 0.5 ** np.arange(1, 6)
+
+
+#: Lengths of the constants, as fractions of the horizon: of one period at least.
+LENGTHS = np.array([1.0, 0.25, 0.0])
 
 
 class Plan(NamedTuple):
@@ -55,7 +60,7 @@ class Sample(NamedTuple):
     Parameters
     ----------
     number : int
-        Constants of all sizes are tried at sample 0, later of one size at each.
+        Constants of all sizes and lengths are tried at sample 0, later of one size and length at each.
     x : ndarray, shape (n_states,)
     before : ndarray, shape (n_inputs,)
         The input before.
@@ -105,12 +110,19 @@ class Planner:
             states, (stay,) = self._predicted(u[None], at)
             last = self._problem.join(states[0], u, at.before)
         w, least, fault = self._improved(last, at)
-        constants = self._limited(self._constants(last[self._problem.inputs], least, at.number), at.before)
-        states, costs = self._predicted(constants, at)
-        k = int(np.argmin(costs))
-        if costs[k] < least:
-            other = self._problem.join(states[k], constants[k], at.before)
-            w, least, fault = self._improved(other, at)
+        u = last[self._problem.inputs]
+        held = np.broadcast_to(at.before, (1, *u.shape))
+        for plans in [held, *self._constants(u, least, at.number)]:
+            plans = self._limited(plans, at.before)
+            states, costs = self._predicted(plans, at)
+            k = int(np.argmin(costs))
+            # at the first sample the best constants of each length are improved, later those that cost less
+            if costs[k] < least or (not at.number and np.isfinite(costs[k])):
+                other = self._problem.join(states[k], plans[k], at.before)
+                found, cost, also = self._improved(other, at)
+                fault = fault and also
+                if cost < least:
+                    w, least = found, cost
         if not np.isfinite(least):
             raise UnsolvedError(fault or "no finite prediction")
         return Plan(w, fault, bool(least < stay * (1.0 - TOLERANCE)))
@@ -153,15 +165,21 @@ class Planner:
         return ""
 
     def _constants(self, last: Array, cost: float, sample: int) -> Array:
-        """Return the last plan with some inputs constant, shape (n_plans, horizon, n_inputs)."""
+        """Return the last plan with some inputs constant, shape (n_lengths, n_plans, horizon, n_inputs)."""
         # an input u held over N periods costs N R u^2 alone: not above the cost that is already predicted
         with np.errstate(divide="ignore", invalid="ignore"):
             dear = np.nan_to_num(np.sqrt(cost / (len(last) * self._weights)), nan=np.inf, posinf=np.inf)
-        sizes = SIZES if not sample else SIZES[[sample % len(SIZES)]]
         bounds = self._stage.lower, self._stage.upper, self._nominal
-        levels = constant_inputs(*bounds, largest=dear, sizes=sizes)
-        fixed = np.broadcast_to(self._directions != 0.0, levels.shape).reshape(-1, 1, levels.shape[2])
-        return np.where(fixed, levels.reshape(fixed.shape), last)
+        levels = constant_inputs(*bounds, largest=dear)
+        N = len(last)
+        first = np.arange(N) < np.maximum(1, np.ceil(LENGTHS * N))[:, None]
+        # shape (n_lengths, n_sizes, n_directions, N, n_inputs)
+        moved = first[:, None, None, :, None] & (self._directions != 0.0)[:, None]
+        plans = np.where(moved, levels[..., None, :], last)
+        if sample:
+            chosen: Array = plans.reshape(-1, *plans.shape[2:])[sample % (plans.shape[0] * plans.shape[1])]
+            return chosen[None]
+        return plans.reshape(len(LENGTHS), -1, *last.shape)
 
     def _limited(self, plans: Array, before: Array) -> Array:
         """Return plans within the bounds of the inputs and of their rates."""

@@ -180,7 +180,7 @@ class MPC:
             raise InputError(f"{self.name}: no plan from the state {x0.tolist()}: {error}") from None
         errors, note = r[:, 0] - x0[self._every], ""
         if plan.fault:
-            note = f"no new plan at sample {memory.samples}, the last one goes on: {plan.fault}"
+            note = f"no solution at sample {memory.samples}, the best known plan goes on: {plan.fault}"
         elif not (memory.samples or plan.moves) and errors.any():
             note = (
                 "the first plan holds the inputs: no other within their limits is predicted to cost less, "
@@ -351,7 +351,7 @@ class MPC:
             self._warn(notes[first])
         if run.failures:
             self._warn(
-                f"the solver failed at {len(run.failures)} samples and the last plan went on; at "
+                f"the solver failed at {len(run.failures)} of {self._memory.samples} samples; at "
                 f"{run.failures[0]:g} s: {notes[run.failures[0]]}"
             )
         if run.status not in ("reached", "on the way"):

@@ -63,7 +63,7 @@ def test_a_limit_of_a_state_holds():
 
 def test_the_craft_passes_waypoints_around_an_obstacle_within_its_limits():
     controller = hc.mpc(
-        CRAFT, weights=WEIGHTS, rate_weights={"thrust": 0.05, "rudder": 0.5}, limits=LIMITS,
+        CRAFT, horizon=20, weights=WEIGHTS, rate_weights={"thrust": 0.05, "rudder": 0.5}, limits=LIMITS,
         obstacles=[(1.2, 0.05, 0.4)], waypoints=[[2.5, 0.0], [2.5, 1.0]],
     )  # fmt: skip
     run = controller.simulate(10.0)

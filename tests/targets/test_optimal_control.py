@@ -5,6 +5,7 @@ import warnings
 import control
 import numpy as np
 import pytest
+import sympy as sp
 from control import flatsys, optimal
 from scipy.optimize import LinearConstraint, NonlinearConstraint
 
@@ -116,3 +117,27 @@ def test_wrong_input_is_refused_in_one_line(system, times, options, said):
 def test_an_initial_state_of_another_size_is_refused_in_one_line():
     with pytest.raises(hc.InputError, match=r"initial_state: expected 6 values, found shape \(2,\)"):
         hc.solve_ocp(craft("shooting"), TIMES, [0.0, 0.0], lambda x, u: 0.0)
+
+
+V, N = hc.Signal("v", "m/s"), hc.Signal("n")
+K, D = hc.Signal("k", "m/s^2", start=2.0), hc.Signal("d", "1/s", start=0.5)
+HIDDEN = {"n abs(n)": N.symbol * sp.Abs(N.symbol), "n^2": N.symbol**2, "abs(n)": sp.Abs(N.symbol)}
+
+
+@pytest.mark.parametrize("step", [0.2, None], ids=["shooting", "collocation"])
+@pytest.mark.parametrize("name", HIDDEN)
+def test_from_rest_it_moves_where_the_derivative_by_the_input_vanishes(name, step):
+    plant = hc.Block("plant", [V], [N], [V], [K, D], {"v": K.symbol * HIDDEN[name] - D.symbol * V.symbol})
+    system = plant.to_control(step=step)
+    cost = optimal.quadratic_cost(system, [[1.0]], [[1e-3]], x0=[0.5])
+    bounds = optimal.input_range_constraint(system, [-1.0], [1.0])
+    times = np.arange(6) * 0.2
+    found = hc.solve_ocp(system, times, [0.0], cost, trajectory_constraints=bounds)
+
+    def by_hand(n):  # the cost of a constant input: v = (F/d) (1 - exp(-d t))
+        v = 2.0 * abs(n) ** (1 if name == "abs(n)" else 2) / 0.5 * (1 - np.exp(-0.5 * times))
+        each = (v - 0.5) ** 2 + 1e-3 * n**2
+        return each[:-1].sum() if step else np.trapezoid(each, times)
+
+    best = min(map(by_hand, np.linspace(0.0, 1.0, 101)))
+    assert found.success and found.cost < 1.01 * best < 0.6 * by_hand(0.0)
