@@ -311,7 +311,7 @@ def negative(line: control.StateSpace) -> control.StateSpace:
 
 def _at_the_ends(loop: control.StateSpace) -> list[float]:
     """Return the gains with which a sampled loop is at the edge at z = 1 and -1, which a search misses."""
-    ends = [complex(loop(z)) for z in (1.0, -1.0)]
+    ends = [complex(loop(z, warn_infinite=False)) for z in (1.0, -1.0)]
     return [-1 / end.real for end in ends if np.isfinite(end) and end.real < 0]
 
 

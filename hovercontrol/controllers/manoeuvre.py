@@ -123,8 +123,9 @@ class Manoeuvre:
         Raises
         ------
         InputError
-            If the plant has no such position, or no heading for a control point.
+            If the plant is sampled, has no such position, or no heading for a control point.
         """
+        self.plant.need_continuous("velocities and accelerations for a reference")
         finite(f"{name}: control_point", control_point)
         names = [s.name for s in self.plant.states]
         for key in (*self.position, *([self.heading] if control_point else [])):

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.controllers.detour import way_around
+from hovercontrol.controllers.fewest_steps import fewest_steps
 from hovercontrol.controllers.manoeuvre import Manoeuvre
 from hovercontrol.controllers.prediction_arguments import (
     Circles,
@@ -69,10 +72,12 @@ def minimum_time(
     `tolerance`, the problem is solved again with twice as many Runge-Kutta steps. The quickest of the
     solutions is returned; it may be a local minimum. The guesses pass obstacles on the shorter side.
 
+    Of a sampled plant, whose input may change at each step, it is the manoeuvre with the fewest steps.
+
     Parameters
     ----------
     plant : Model, BlockModel or Block
-        Continuous.
+        Continuous or sampled.
     end : mapping of str to float
         Final values of states [unit]; states that are not named are free. An angle is taken as it is: pi and
         -pi are different turns.
@@ -80,7 +85,7 @@ def minimum_time(
         Initial values of states over the plant's start values, and inputs before the start, from which rate
         limits count (default: the first input is free) [unit].
     waypoints : array_like, shape (n, 2), optional
-        Positions to pass in order [m].
+        Positions to pass in order [m]; not of a sampled plant.
     limits : mapping of str to (float, float), optional
         Lower and upper limit of inputs and states [unit], over the bounds of the inputs' signals. Each input
         needs both.
@@ -91,9 +96,10 @@ def minimum_time(
     clearance : float, optional
         Distance kept from the obstacles [m].
     intervals : int, optional
-        Number of intervals from one waypoint to the next, of equal length.
+        Number of intervals from one waypoint to the next, of equal length; of a sampled plant its steps.
     guess : float, optional
-        Duration with which the search begins [s] (default: 3 s and 15 s).
+        Duration with which the search begins [s] (default: 3 s and 15 s; of a sampled plant the steps that
+        its inputs need to meet the end's conditions).
     tolerance : float, optional
         Largest difference between the simulated states and those of the optimisation [units of the states].
     position : tuple of str, optional
@@ -113,9 +119,9 @@ def minimum_time(
     Raises
     ------
     InputError
-        If CasADi is not installed (``pip install "hovercontrol[mpc]"``), the plant is sampled or its inputs
-        are delayed, a name is unknown, a number is out of range, an input has no limits, a point lies within
-        an obstacle, or no manoeuvre is found.
+        If CasADi is not installed (``pip install "hovercontrol[mpc]"``), the plant has parts that tick or its
+        inputs are delayed, a name is unknown, a number is out of range, an input has no limits, a point lies
+        within an obstacle, or no manoeuvre is found.
 
     Notes
     -----
@@ -134,25 +140,29 @@ def minimum_time(
     (4.0, [1.0, 1.0, -1.0, -1.0])
     """
     block = plant_of(name, plant)
-    if block.period:
-        raise InputError(
-            f"{name}: block {block.name!r} is sampled every {block.period:g} s: its duration is a number of "
-            "steps; give the continuous plant, or solve_ocp the number of steps"
-        )
     at_least(f"{name}: intervals", intervals, 2)
     tolerance = positive(f"{name}: tolerance", tolerance)
     guesses = GUESSES if guess is None else (positive(f"{name}: guess", guess),)
     points = np.zeros((0, 2)) if waypoints is None else points_of(name, waypoints)
     stage = stage_of(
-        name, block, 1.0, limits, rate_limits, obstacles, clearance, position, params, 1,
-        planar=len(points) > 0,
+        name, block, block.period or 1.0, limits, rate_limits, obstacles, clearance, position, params,
+        None if block.period else 1, planar=len(points) > 0,
     )  # fmt: skip
     for s, low, high in zip(block.inputs, stage.lower, stage.upper, strict=True):
         if not np.isfinite([low, high]).all():
             raise InputError(f"{name}: limits: expected finite limits of {s.name!r}, found ({low}, {high})")
     ends = _ends(name, stage, start or {}, end, points)
     _outside(name, stage, ends)
-    plan, states, error = _search(name, stage, ends, guesses, intervals, tolerance, heading, params)
+    if block.period:
+        if len(points):
+            text = f"waypoints: block {block.name!r} is sampled, and between waypoints are whole steps"
+            raise InputError(f"{name}: {text}: plan from one waypoint to the next")
+        conditions = int(np.isfinite(ends.end).sum())
+        first = round(guess / block.period) if guess else math.ceil(conditions / len(block.inputs))
+        straight = partial(_in_steps, stage, ends, heading)
+        plan, states, error = fewest_steps(name, stage, ends, max(1, first), straight, tolerance)
+    else:
+        plan, states, error = _search(name, stage, ends, guesses, intervals, tolerance, heading, params)
     return Manoeuvre(
         block,
         np.r_[0.0, np.cumsum(plan.steps)],
@@ -164,6 +174,10 @@ def minimum_time(
         heading,
         dict(params or {}),
     )
+
+
+def _in_steps(stage: Stage, ends: Ends, heading: str, steps: int) -> Plan:
+    return _guess(stage, ends, steps * stage.period, steps, heading, 0.0)
 
 
 Found = tuple[Plan, Array, float]

@@ -115,6 +115,9 @@ def solve(stage: Stage, ends: Ends, guess: Plan, *, euler: bool = False) -> Plan
     rows = [ca.vec(after - x[:, 1:]), ca.vec(free), *slow]
     equal = rows[0].size1()
     low, high = _given(stage, ends, N, total + 1)
+    shortest, longest = np.full(phases, SHORTEST), np.full(phases, np.inf)
+    if stage.plant.period:  # a step takes its period
+        shortest = longest = guess.durations
     w = ca.vertcat(T, ca.vec(x), ca.vec(u))
     g = ca.vertcat(*rows)
     solver = ca.nlpsol(
@@ -123,8 +126,8 @@ def solve(stage: Stage, ends: Ends, guess: Plan, *, euler: bool = False) -> Plan
     )  # fmt: skip
     found = solver(
         x0=np.concatenate([guess.durations, guess.states.ravel("F"), guess.inputs.ravel("F")]),
-        lbx=np.concatenate([np.full(phases, SHORTEST), low.ravel("F"), np.tile(stage.lower, total)]),
-        ubx=np.concatenate([np.full(phases, np.inf), high.ravel("F"), np.tile(stage.upper, total)]),
+        lbx=np.concatenate([shortest, low.ravel("F"), np.tile(stage.lower, total)]),
+        ubx=np.concatenate([longest, high.ravel("F"), np.tile(stage.upper, total)]),
         lbg=np.zeros(g.size1()),
         ubg=np.concatenate([np.zeros(equal), np.full(g.size1() - equal, np.inf)]),
     )

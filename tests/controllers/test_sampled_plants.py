@@ -6,6 +6,7 @@ import control as ct
 import numpy as np
 import pytest
 import scipy.linalg
+from scipy.optimize import linprog
 
 import hovercontrol as hc
 from hovercontrol.errors import InputError
@@ -177,7 +178,12 @@ def test_predictive_control_runs_over_several_steps_of_the_plant_within_limits()
     [
         (lambda p: hc.mpc(p, weights={"x0": 1.0}, period=0.15), "a multiple of the plant's period, 0.1 s"),
         (lambda p: hc.mpc(p, weights={"x0": 1.0}, substeps=2), "is sampled and takes its own steps"),
-        (lambda p: hc.minimum_time(p, {"x0": 1.0}), "its duration is a number of steps"),
+        (
+            lambda p: hc.minimum_time(
+                p, {"x0": 1.0}, limits={"u0": (-1, 1)}, waypoints=[[0.5, 0.0]], position=("x0", "x1")
+            ),
+            "between waypoints are whole steps",
+        ),
     ],
 )
 def test_predictions_over_parts_of_a_step_are_refused_in_one_line(make, text):
@@ -219,3 +225,42 @@ def test_a_transfer_function_with_numbered_names_is_estimated_and_held_at_its_se
     rest = {s.name: 0.0 for s in loop.inputs}
     margins = hc.margins([oven, seen, hold], "u[0]", rest)
     assert margins.stable and margins.gain_up > 1.0
+
+
+@pytest.mark.parametrize(
+    ("A", "B", "start", "end"),
+    [
+        ([[1.0, H], [0.0, 1.0]], [[0.0], [H]], [0.0, 0.0], {"x0": 1.0, "x1": 0.0}),
+        ([[1.1, 0.2], [0.0, 0.9]], [[0.0], [0.5]], [0.5, 0.0], {"x0": 0.0, "x1": 0.0}),
+        ([[0.9, 0.2], [-0.3, 0.95]], [[0.1], [0.5]], [2.0, -1.0], {"x0": 0.0}),
+    ],
+    ids=["double integrator", "unstable", "free end"],
+)
+def test_the_quickest_manoeuvre_has_the_fewest_steps_for_which_a_linear_program_is_feasible(A, B, start, end):
+    pytest.importorskip("casadi")
+    A, B, start = np.array(A), np.array(B), np.array(start)
+    found = hc.minimum_time(
+        linear(A, B), end, start={"x0": start[0], "x1": start[1]}, limits={"u0": (-1.0, 1.0)}
+    )
+    steps, rows = len(found.time) - 1, list(range(len(end)))
+
+    def feasible(N):
+        power = np.linalg.matrix_power
+        reach = np.hstack([power(A, N - 1 - k) @ B for k in range(N)])[rows]
+        gap = (np.array([*end.values(), 0.0][:2]) - power(A, N) @ start)[rows]
+        return linprog(np.zeros(N), A_eq=reach, b_eq=gap, bounds=[(-1, 1)] * N).status == 0
+
+    assert feasible(steps) and not feasible(steps - 1)
+    x = start
+    for k, u in enumerate(found.inputs["u0"][:-1]):
+        x = A @ x + B[:, 0] * u
+        assert [found.states["x0"][k + 1], found.states["x1"][k + 1]] == pytest.approx(x, abs=1e-6)
+    with pytest.raises(InputError, match="no velocities and accelerations for a reference"):
+        found.reference()
+
+
+def test_an_end_out_of_reach_is_told():
+    pytest.importorskip("casadi")
+    plant = linear([[1.5]], [[0.1]])
+    with pytest.raises(InputError, match="no manoeuvre found within the limits and 1024 steps"):
+        hc.minimum_time(plant, {"x0": 0.0}, start={"x0": 5.0}, limits={"u0": (-1.0, 1.0)})
