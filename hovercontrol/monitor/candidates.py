@@ -1,10 +1,11 @@
 """Candidates of a monitor: what each possible change adds to the plant's derivatives and measurements.
 
 A change of amplitude theta adds ``theta a`` to the derivatives of the states and ``theta b`` to the measured
-values. For a coefficient c that enters linearly, a = df/dc and b = dh/dc. For a shape parameter s (a lag, a
-dead zone), a is the secant from the neutral value to a trial value: ``a = f(s_trial) - f(s_neutral)``, and
-theta is the part of the trial's distance from the neutral value. A coefficient's bounds are bounds of theta:
-a friction coefficient of 0.5 falls by 0.5 at most.
+values. For a coefficient c that enters linearly, a = df/dc and b = dh/dc. A number of an effect that may have
+either sign (an offset of the rudder, within a sine) has its slopes at the neutral value. A number of one sign
+(a lag, a dead zone) has no slope there: a is the secant from the neutral value to a trial value,
+``a = f(s_trial) - f(s_neutral)``. theta is the part of the trial's distance from the neutral value. A
+coefficient's bounds are bounds of theta: a friction coefficient of 0.5 falls by 0.5 at most.
 """
 
 from __future__ import annotations
@@ -59,6 +60,10 @@ class Candidate:
         Parameters in the expressions that the model does not have.
     number : sympy.Symbol, optional
         The coefficient at its trial value, if theta is a part of a trial.
+    law : dict of str to sympy.Expr
+        Changes of the derivatives by the name of the state, as functions of `number`, if they are not
+        proportional to it. Not of a delay, whose slope at another time takes other late commands, and not of
+        changes of the measured values.
     """
 
     name: str
@@ -73,18 +78,12 @@ class Candidate:
     delay: float = 0.0
     parameters: tuple[Signal, ...] = ()
     number: sp.Symbol | None = None
+    law: dict[str, sp.Expr] = field(default_factory=dict)
 
     @property
-    def curved(self) -> bool:
-        """Whether the changes of the derivatives are not proportional to the coefficient.
-
-        Not of a delay, whose slope at another time takes other late commands.
-        """
-        q = self.number
-        if q is None or self.delay or self.seen or not (self.lower.is_zero and self.neutral.is_zero):
-            return False
-        slopes = [sp.diff(e, q) for e in self.rates.values()]
-        return any(q in e.free_symbols for e in (*slopes, *self.memory.values()))
+    def signed(self) -> bool:
+        """Whether the coefficient may be on either side of its neutral value."""
+        return bool(self.lower < 0) and bool(self.upper > 0)
 
 
 def candidates_of(
@@ -272,6 +271,14 @@ def _against(
         below, above = min(number.lower - neutral, 0.0) / scale, max(number.upper - neutral, 0.0) / scale
         lower, upper = _number(min(below, above)), _number(max(below, above))
     lone = sum(not math.isnan(n.neutral) for n in cls.numbers.values()) <= 1
+    rates, seen, law = _nonzero(rates), _nonzero(seen), {}
+    q = own[key].symbol if key else None
+    if q is not None and not delay:
+        slopes = [sp.diff(e, q) for e in rates.values()]
+        curved = any(q in e.free_symbols for e in (*slopes, *memory.values()))
+        law = rates if curved and not seen and not neutral else {}
+        if lower < 0 < upper and not memory:
+            rates, seen = ({k: _slope(e, q, neutral) for k, e in some.items()} for some in (rates, seen))
     return Candidate(
         cls.name if lone else cls.parameter(key),
         extended.parameter(cls.parameter(key)).unit if key else "1",
@@ -279,13 +286,19 @@ def _against(
         scale,
         lower,
         upper,
-        _nonzero(rates),
-        _nonzero(seen),
+        rates,
+        seen,
         memory,
         delay,
         tuple(kept),
-        own[key].symbol if key else None,
+        q,
+        law,
     )
+
+
+def _slope(e: sp.Expr, q: sp.Symbol, neutral: float) -> sp.Expr:
+    """Return (q - q_0) de/dq, with the slope at the neutral value q_0."""
+    return sp.sympify((q - neutral) * sp.diff(e, q).subs(q, neutral))
 
 
 def _number(value: float) -> sp.Expr:

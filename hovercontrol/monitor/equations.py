@@ -150,7 +150,7 @@ def _assembled(
     keys = ("named", f"z[{n}]", f"V[{n},{n}]"), ("named_next", "theta", "theta_variance")
     at_now, at_then = (tuple(sp.Symbol(key, real=True) for key in some) for some in keys)
     at = AtTheEstimate(write, memory, drive, design.period, at_now, at_then)
-    sized = {j: at.write(c, j, [s.name for s in plant]) for j, c in enumerate(design.candidates) if c.curved}
+    sized = {j: at.write(c, j, [s.name for s in plant]) for j, c in enumerate(design.candidates) if c.law}
     limits = [_bounds(c, design, now) for c in design.candidates]
     decision = decide(
         write, design.candidates, bank, plant, then.P, own.floors, limits, own.threshold.symbol,

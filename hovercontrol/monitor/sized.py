@@ -3,7 +3,8 @@ r"""Candidates that are not proportional to their coefficient, at the estimate o
 A candidate changes the derivatives by ``a(x, q)``, with its own states ``x' = f(x, q)`` and its coefficient
 q. Before it is named, q has its trial value. Then q is the trial value times ``(theta + V)/(1 + V)``, the
 mean of the estimate theta, of variance V, and of 1, of variance 1: a first estimate that says little does not
-move q. The slope da/dq includes that of the states, S = dx/dq:
+move q. A coefficient of either sign is neutral before it is named; then its q is the trial value times
+``theta/(1 + V)``. The slope da/dq includes that of the states, S = dx/dq:
 
     S <- Phi_x S + Phi_q,    da/dq = a_x S + a_q,
 
@@ -29,6 +30,9 @@ from hovercontrol.monitor.memory import Memory
 
 #: Limits of theta where the candidate is linearised: a fifth of the trial and five times the trial.
 LEAST, MOST = 0.2, 5.0
+
+#: Largest angle at which a candidate is linearised [rad]: the slope of a sine turns round a little above.
+ANGLE = 1.0
 
 #: A time constant is taken as this part of a tick at least: the Runge-Kutta step is unstable below 0.36.
 SHORTEST = 0.5
@@ -91,7 +95,7 @@ class AtTheEstimate:
             return self._memory.at(c, e.xreplace(swap))
 
         laws = {s.name: here(law) for s, law in zip(own, c.memory.values(), strict=True)}
-        rates = {key: here(e) for key, e in c.rates.items()}
+        rates = {key: here(e) for key, e in c.law.items()}
         block = Block("sized").unchecked(
             states=(*own, size),
             derivatives=Expressions(laws | {size.name: size.symbol if self._memory.period else sp.S.Zero}),
@@ -122,13 +126,21 @@ class AtTheEstimate:
     def _coefficient(
         self, name: str, c: Candidate, j: int, named: sp.Expr, theta: sp.Expr, V: sp.Expr
     ) -> sp.Expr:
-        """Write q: from the estimate, within limits, if the candidate is named, else the trial value."""
+        """Write q: from the estimate, within limits, if the candidate is named, else as before that."""
+        assert c.number is not None
+        if c.signed:
+            most = min(MOST, ANGLE / abs(c.scale)) if c.unit == "rad" else MOST
+            size, other = c.number * sp.Max(-most, sp.Min(theta / (1 + V), most)), sp.S.Zero
+        else:
+            size, other = self._of_one_sign(c, theta, V), c.number
+        here = sp.Abs(named - (j + 1)) < sp.S.Half
+        return self._write.define(name, sp.Piecewise((size, here), (other, True)))
+
+    def _of_one_sign(self, c: Candidate, theta: sp.Expr, V: sp.Expr) -> sp.Expr:
+        """Return q of a coefficient that has no slope at its neutral value."""
         assert c.number is not None
         least = max(LEAST, min(1.0, SHORTEST * self._period / abs(c.scale))) if c.memory else LEAST
-        size = c.number * sp.Max(least, sp.Min((theta + V) / (1 + V), MOST))
-        return self._write.define(
-            name, sp.Piecewise((size, sp.Abs(named - (j + 1)) < sp.S.Half), (c.number, True))
-        )
+        return c.number * sp.Max(least, sp.Min((theta + V) / (1 + V), MOST))
 
     def _stepped(
         self, c: Candidate, name: str, block: Block, own: list[Signal], q: sp.Expr, q_next: sp.Expr

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import sympy as sp
 from scipy import stats
 
 import hovercontrol as hc
@@ -271,9 +272,31 @@ def test_a_delay_changes_the_derivatives_by_the_late_command_minus_the_present_o
     assert float(one.rates["v"].subs(known)) == pytest.approx((5.0 - 1.0) / 2.0)
 
 
+@pytest.mark.parametrize(
+    ("craft", "name"), [("c17_simulation", "rudder_offset"), ("four_fan", "fan_misalignment")]
+)
+def test_a_coefficient_of_either_sign_has_its_slope_at_zero(craft, name, rng):
+    """d/dq sin(rudder + q) = cos(rudder) at 0, not sin(rudder + 1) - sin(rudder)."""
+    (one,) = candidates_of(hc.vehicle(craft), [name], ["x", "y", "psi"], {}, "m", PERIOD)
+    assert one.signed and one.rates.keys() == one.law.keys()
+    symbols = set().union(*(e.free_symbols for e in one.law.values())) - {one.number}
+    here, small = {s: rng.uniform(0.2, 1.2) for s in sorted(symbols, key=str)}, 1e-6
+    for key, law in one.law.items():
+        away = [float(law.subs(here).subs(one.number, q)) for q in (small, -small)]
+        slope = float(one.rates[key].subs(here).subs(one.number, one.scale)) / one.scale
+        assert slope == pytest.approx((away[0] - away[1]) / (2 * small), rel=1e-6)
+
+
+def test_a_rudder_offset_enters_by_the_cosine_of_the_rudder():
+    (one,) = candidates_of(hc.vehicle("c17_simulation"), ["rudder_offset"], ["psi"], {}, "m", PERIOD)
+    thrust, rudder = sp.symbols("thrust rudder", real=True)
+    torque = sp.Symbol("m.rudder_torque", real=True)
+    assert sp.simplify(one.rates["r"] + torque * thrust * sp.cos(rudder) * one.number) == 0
+
+
 def test_the_trial_of_a_lag_is_a_few_sampling_periods():
     (one,) = candidates_of(hc.BlockModel(cart()), ["F_lag"], ["p"], {"F": 2.0}, "m", 0.05)
-    assert one.scale == pytest.approx(0.2) and one.curved
+    assert one.scale == pytest.approx(0.2) and one.law
 
 
 @pytest.mark.slow
