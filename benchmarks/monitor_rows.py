@@ -19,7 +19,7 @@ CHANGE, ONSET, LOGS = 0.3, 30.0, 100
 
 def log(seed: int, change: float) -> hc.Log:
     """Return position and force of the cart in exact steps; its drag changes at the onset."""
-    rng, t = np.random.default_rng(seed), PERIOD * np.arange(600)
+    rng, t = np.random.default_rng(seed), PERIOD * np.arange(600.0)
     F, x, p = 2.0 * np.sign(np.sin(0.9 * t + 0.1)), np.zeros(2), []
     steps = [_step(DRAG), _step(DRAG + change)]
     for k, now in enumerate(t):
