@@ -204,10 +204,14 @@ class Arrival:
     inputs : ndarray, shape (n_inputs, n)
     motion : tuple of str
         As for :func:`input_states`.
+    tempo : float, optional
+        By which lengths of time are multiplied.
     """
 
-    def __init__(self, block: Block, time: Array, inputs: Array, motion: tuple[str, ...]) -> None:
-        self.block, self.time, self.inputs = block, time, inputs
+    def __init__(
+        self, block: Block, time: Array, inputs: Array, motion: tuple[str, ...], tempo: float = 1.0
+    ) -> None:
+        self.block, self.time, self.inputs, self._tempo = block, time, inputs, tempo
         steps = np.diff(time, append=time[-1] + 1.0)
         self._integral = np.concatenate(
             [np.zeros((len(inputs), 1)), np.cumsum(inputs * steps, axis=1)], axis=1
@@ -219,7 +223,7 @@ class Arrival:
 
     def at(self, when: Array, delay: float = 0.0) -> Array:
         """Return the inputs at times `when` [s], delayed by `delay` [s], shape (n_inputs, ...)."""
-        row = np.searchsorted(self.time, when - delay + 1e-9, side="right") - 1
+        row = np.searchsorted(self.time, when - delay + 1e-9 * self._tempo, side="right") - 1
         return np.where(row >= 0, self.inputs[:, np.maximum(row, 0)], 0.0)
 
     def integral(self, when: Array, delay: float = 0.0) -> Array:
@@ -281,7 +285,7 @@ class Arrival:
             now = [np.interp(t, times, row, left=0.0) for row in values]
             found = list(zip(now, _integrated(times, values, t), strict=True))
         else:
-            at = np.maximum(np.searchsorted(self.time, t + 1e-9, side="right") - 1, 0)
+            at = np.maximum(np.searchsorted(self.time, t + 1e-9 * self._tempo, side="right") - 1, 0)
             later = np.maximum(t - self.time[at], 0.0)  # before the log, commands are zero
             found = [self._followed(a_of, b_of, parameters, at, later) for a_of, b_of in laws.linear]
         return dict(zip(laws.indices, found, strict=True))
@@ -310,8 +314,8 @@ class Arrival:
     def _stepped(self, laws: _Laws, parameters: Sequence[float]) -> tuple[Array, Array]:
         """Integrate nonlinear laws; return times, shape (m,), and the states at them, shape (n, m)."""
         steps = np.diff(self.time)
-        early = np.minimum(SECONDS[0], 0.5 * steps)
-        rest = np.clip(np.ceil((steps - early) / SECONDS[1]), 1, MOST_STEPS).astype(np.intp)
+        early = np.minimum(SECONDS[0] * self._tempo, 0.5 * steps)
+        rest = np.clip(np.ceil((steps - early) / (SECONDS[1] * self._tempo)), 1, MOST_STEPS).astype(np.intp)
         row = np.repeat(np.arange(steps.size), FIRST + rest)
         k = np.arange(row.size) - np.repeat(np.cumsum(FIRST + rest) - FIRST - rest, FIRST + rest) + 1
         later = early[row] + (k - FIRST) / rest[row] * (steps - early)[row]

@@ -16,6 +16,7 @@ from hovercontrol.estimation.measure import Measured, measure_all
 from hovercontrol.estimation.navigation import measure_navigated
 from hovercontrol.estimation.rows import Rows, arrange
 from hovercontrol.estimation.subject import Subject, structure
+from hovercontrol.estimation.tempo import tempo_of
 from hovercontrol.estimation.ticks import on_ticks
 from hovercontrol.logs import Log
 
@@ -51,6 +52,8 @@ class Data:
         Noise variance of each sample relative to that of its channel; None if all are 1.
     hidden : tuple of str
         States whose guess is what a model makes of the logs (:meth:`seen_through`).
+    tempo : float
+        By which all lengths of time are multiplied (:mod:`.tempo`).
     """
 
     logs: tuple[Measured, ...]
@@ -61,6 +64,7 @@ class Data:
     drift: DriftStates | None = None
     variance: Array | None = None
     hidden: tuple[str, ...] = ()
+    tempo: float = 1.0
 
     def seen_through(self, guess: Mapping[str, Array]) -> Data:
         """Return the data with a model's guess of hidden states, by name, each of shape (K, W)."""
@@ -96,8 +100,9 @@ def gather(model: Subject, logs: Sequence[Log | Measured]) -> Data:
     channels = tuple(dict.fromkeys(c for m in measured for c in m.channels))
     noise = noise_levels(measured, channels)
     scales = noise_scales(measured, channels, noise)
-    rows = arrange(measured, [_guess(block, m) for m in measured], channels, model.period)
-    return Data(measured, channels, noise, scales, rows, drift_states(measured, rows))
+    tempo = tempo_of(measured, is_craft=model.is_craft)
+    rows = arrange(measured, [_guess(block, m) for m in measured], channels, model.period, tempo)
+    return Data(measured, channels, noise, scales, rows, drift_states(measured, rows), tempo=tempo)
 
 
 def _guess(block: Block, log: Measured) -> dict[str, Array]:

@@ -23,6 +23,8 @@ class Inputs:
     ----------
     model : Model or BlockModel
         The model of the Block.
+    tempo : float, optional
+        As for :class:`.Arrival`.
 
     Attributes
     ----------
@@ -32,19 +34,19 @@ class Inputs:
         For each log, the times of commands whose time of change is uncertain [s]; empty if there are none.
     """
 
-    def __init__(self, block: Block, model: Subject, logs: Sequence[Measured]) -> None:
+    def __init__(self, block: Block, model: Subject, logs: Sequence[Measured], tempo: float = 1.0) -> None:
         self.block, motion, self._sampled = block, model.motion, model.period > 0.0
         keys = [p.name for p in block.parameters]
         self._timing = [keys.index(name) for name in timing(model) if name]
         self.known = input_states(block, motion)
         times = [(t - m.origin, std) for m, (t, std) in ((m, command_times(m)) for m in logs)]
         self._likely = [
-            Arrival(block, *by_trial(m, t), motion) for m, (t, _) in zip(logs, times, strict=True)
+            Arrival(block, *by_trial(m, t), motion, tempo) for m, (t, _) in zip(logs, times, strict=True)
         ]
         unsure = any((std > 0).any() for _, std in times)
         self.unsure = [t[std > 0] for t, std in times if unsure]
         self._late = [
-            Arrival(block, *by_trial(m, t + std), motion)
+            Arrival(block, *by_trial(m, t + std), motion, tempo)
             for m, (t, std) in zip(logs, times, strict=True)
             if unsure
         ]

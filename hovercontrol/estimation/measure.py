@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+import sympy as sp
 from numpy.typing import NDArray
 
 from hovercontrol.core.arguments import at_least
@@ -160,7 +161,7 @@ def measure(block: Block, log: Log, most_rows: int = MOST_ROWS) -> Measured:
             f"{log.name}: nothing that {block.name!r} computes was measured: expected some of "
             f"{', '.join(names)}, found {', '.join(log.columns) or 'no columns'}"
         )
-    log, _ = prepared(log, channels, inputs)
+    log, _ = prepared(log, channels, inputs, angles(block))
     for signal in block.inputs:
         _check_input(log, signal)
     if log.has(*POSE):
@@ -189,6 +190,21 @@ def measure(block: Block, log: Log, most_rows: int = MOST_ROWS) -> Measured:
 def measure_all(block: Block, logs: Sequence[Log | Measured], most_rows: int) -> list[Measured]:
     """Return each log in terms of a Block; :class:`Measured` logs are returned as they are."""
     return [log if isinstance(log, Measured) else measure(block, log, most_rows) for log in logs]
+
+
+def angles(block: Block) -> list[str]:
+    """Return the states and outputs in rad that count their turns.
+
+    Not the heading of a craft, which its smoother follows, nor outputs that the model keeps within a turn.
+    """
+    within = (sp.Mod, sp.floor, sp.atan2, sp.atan, sp.asin, sp.acos)
+    shown = {s.name: block.expand(block.output_expressions[s.name]) for s in block.outputs}
+    signals = dict.fromkeys((*block.states, *block.outputs))
+    return [
+        s.name
+        for s in signals
+        if s.unit == "rad" and s.name != "psi" and not shown.get(s.name, s.symbol).has(*within)
+    ]
 
 
 def refuse_still(name: str, channels: Sequence[str], rows: Sequence[Array] | Array) -> None:

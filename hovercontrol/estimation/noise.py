@@ -308,8 +308,9 @@ def _gamma(problem: Problem, A: Array) -> Array:
 
 
 def averaging_time(problem: Problem) -> float:
-    """Return the averaging time of the missing accelerations [s]."""
-    return max(NOISE.averaging, NOISE.averaging_rows * problem.shortest)
+    """Return the averaging time of the missing accelerations [s]; at most half of a block."""
+    wanted = max(NOISE.averaging * problem.tempo, NOISE.averaging_rows * problem.shortest)
+    return min(wanted, 0.5 * float(problem.rows.seconds.max()))
 
 
 def averaged(noise: Noise, over: float) -> Array:

@@ -83,9 +83,11 @@ def predict(fit: Fit, horizon: float, starts: int = STARTS) -> Prediction | None
     first, start_of = np.concatenate(begin, axis=1)
     last, of = np.concatenate(end, axis=1)
     t0, t1 = time[first, start_of], time[last, of]
-    t, h = problem.divided(t0, t1, STEP)
+    t, h = problem.divided(t0, t1, STEP * problem.tempo)
     parameters = problem.parameters(fit.p)
-    u, lagged = problem.inputs.between(parameters, t, np.maximum(h, 1e-12), problem.rows.log[of])
+    u, lagged = problem.inputs.between(
+        parameters, t, np.maximum(h, 1e-12 * problem.tempo), problem.rows.log[of]
+    )
     start = np.moveaxis(fit.path[first, start_of], 1, 0)
     known = {i: v[:, None] for i, v in lagged.items()}
     given = (problem.block, t[:, None], h[:, None], u[:, :, None], known, parameters, start)
@@ -99,10 +101,10 @@ def predict(fit: Fit, horizon: float, starts: int = STARTS) -> Prediction | None
 def horizons(fit: Fit, wanted: Sequence[float] = (0.2, 0.5, 1.0, 2.0)) -> tuple[float, ...]:
     """Return the prediction horizons for a fit [s].
 
-    The wanted horizons, lengthened for slowly sampled logs so that the shortest one spans ten rows, without
-    those that are too long for the logs. If none is left, the shortest one is cut to fit.
+    The wanted horizons times the tempo, lengthened for slowly sampled logs so that the shortest one spans ten
+    rows, without those that are too long for the logs. If none is left, the shortest one is cut to fit.
     """
-    slow = max(1.0, 10.0 * fit.problem.shortest / wanted[0])
+    slow = max(fit.problem.tempo, 10.0 * fit.problem.shortest / wanted[0])
     longest = max(float(np.ptp(piece.when)) for piece in _pieces(fit.problem))
     most = min(0.8 * longest, float(fit.problem.rows.seconds.sum()) / TIMES)
     return tuple(slow * h for h in wanted if slow * h <= most) or (min(slow * wanted[0], 0.5 * longest),)

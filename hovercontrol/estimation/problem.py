@@ -111,6 +111,8 @@ class Problem(Unknowns):
     ----------
     period : float
         Sampling period of a sampled model [s], whose rows are its ticks; 0 for a continuous one.
+    tempo : float
+        By which lengths of time are multiplied (:mod:`.tempo`).
     each : ndarray of int, shape (N,)
         Number of sub-steps of each step.
     pieces : int
@@ -130,7 +132,7 @@ class Problem(Unknowns):
         self, model: Subject, data: Data, names: Sequence[str] | None = None, pieces: int | Counts = 1
     ) -> None:
         self.model, self.data, self.logs, self.rows = model, data, data.logs, data.rows
-        self.period = model.period
+        self.period, self.tempo = model.period, data.tempo
         self.block: Block = structure(model)
         shape = self.rows.time.shape
         self.guess = np.stack(
@@ -138,7 +140,7 @@ class Problem(Unknowns):
         )
         paths = {state.name: self.guess[..., i] for i, state in enumerate(self.block.states)}
         super().__init__(model, self.block, paths, names)
-        self.inputs = Inputs(self.block, model, self.logs)
+        self.inputs = Inputs(self.block, model, self.logs, self.tempo)
         self.known = self.inputs.known
         self.free = tuple(i for i in range(len(self.block.states)) if i not in self.known)
         self.driven = tuple(j for j, i in enumerate(self.free) if self._is_driven(i))
@@ -165,14 +167,19 @@ class Problem(Unknowns):
         self.hidden = np.array(hidden, dtype=bool)
         self.unguessed = any(hidden[j] for j in self.driven)
         # A state without a guess from the logs may lie anywhere within its nominal range.
-        least = [(1e-3 if s.name in self.rows.guess else 1.0) * s.nominal for s in free]
+        least = [
+            1e-3 * min(float(np.abs(x).max()) or s.nominal, s.nominal)
+            if s.name in self.rows.guess
+            else s.nominal
+            for s, x in zip(free, np.moveaxis(within, 2, 0), strict=True)
+        ]
         self.spread = np.maximum(within.std(axis=(0, 1)), least)
         self.accelerations = np.array([self._acceleration(i) for i in self.driven])
-        usual = 1 if self.period else math.ceil(float(np.max(self.dt)) / STEP - 1e-9)
+        usual = 1 if self.period else math.ceil(float(np.max(self.dt)) / (STEP * self.tempo) - 1e-9)
         pieces = np.maximum(pieces, min(usual, FEW))
         keys = list(self.block.default_parameters)
         if (limit := rate_key(self.block)) in keys and not self.period:
-            rate = followed_rate(float(self.dt.max()) / MOST)
+            rate = followed_rate(float(self.dt.max()) / MOST, self.tempo)
             self._every[keys.index(limit)] = rate
             pieces = np.maximum(pieces, np.ceil(self.dt.ravel() * rate / FOLLOWED).astype(np.intp))
         self.set_pieces(pieces)

@@ -115,6 +115,7 @@ def arrange(
     states: Sequence[Mapping[str, Array]],
     channels: Sequence[str],
     period: float = 0.0,
+    tempo: float = 1.0,
 ) -> Rows:
     """Cut logs into blocks.
 
@@ -124,15 +125,17 @@ def arrange(
         Finite guess of the states at all rows of each log, by name.
     period : float, optional
         Sampling period of a sampled model [s]: each of its ticks becomes a row.
+    tempo : float, optional
+        By which lengths of time are multiplied.
 
     Raises
     ------
     InputError
         If no log has enough rows.
     """
-    pieces = [(i, a, b) for i, log in enumerate(logs) for a, b in _pieces(log)]
+    pieces = [(i, a, b) for i, log in enumerate(logs) for a, b in _pieces(log, tempo)]
     total = sum(logs[i].time[b - 1] - logs[i].time[a] for i, a, b in pieces)
-    count = min(total / BLOCKING.seconds, sum(b - a for _, a, b in pieces) / BLOCKING.rows)
+    count = min(total / (BLOCKING.seconds * tempo), sum(b - a for _, a, b in pieces) / BLOCKING.rows)
     blocks = int(np.clip(round(count), BLOCKING.least_blocks, BLOCKING.most_blocks))
     grids: list[tuple[int, Array, Indices]] = []
     block: list[int] = []
@@ -179,13 +182,13 @@ def arrange(
     return Rows(times, values, guess, owner, of, follows, from_log, places, tuple(channels))
 
 
-def _pieces(log: Measured) -> list[tuple[int, int]]:
+def _pieces(log: Measured, tempo: float) -> list[tuple[int, int]]:
     """Return first row and end (exclusive) of the parts of each trial between very long gaps."""
     seen = np.flatnonzero(np.isfinite(log.values).any(axis=0))
     if seen.size < 2:
         return []
     step = np.diff(log.time[seen])
-    far = step > max(BLOCKING.longest_gap, BLOCKING.gap_steps * float(np.median(step)))
+    far = step > max(BLOCKING.longest_gap * tempo, BLOCKING.gap_steps * float(np.median(step)))
     far[np.searchsorted(seen, [start for start in log.starts if seen[0] < start <= seen[-1]]) - 1] = True
     parts = np.split(seen, np.flatnonzero(far) + 1)
     return [(int(p[0]), int(p[-1]) + 1) for p in parts if p.size >= BLOCKING.fewest]

@@ -42,17 +42,17 @@ def rate_key(block: Block) -> str:
     return f"{block.name}.fastest"
 
 
-def followed_rate(step: float) -> float:
+def followed_rate(step: float, tempo: float = 1.0) -> float:
     """Return the largest stable rate of bristle states [1/s] for sub-steps of length `step` [s].
 
-    ``min(FASTEST, FOLLOWED / step)``
+    ``min(FASTEST / tempo, FOLLOWED / step)``
 
     Examples
     --------
     >>> followed_rate(1e-3), followed_rate(5e-3)
     (1000.0, 250.0)
     """
-    return min(FASTEST, FOLLOWED / max(step, 1e-9))
+    return min(FASTEST / tempo, FOLLOWED / max(step, 1e-9 * tempo))
 
 
 _TIMINGS: dict[tuple[object, ...], tuple[str, str]] = {}

@@ -14,8 +14,8 @@ from hovercontrol.estimation.subject import Subject, same_widths, unknowns
 
 Array = NDArray[np.float64]
 
-#: Smallest width of friction that a fit can distinguish from a jump [m/s, rad/s], and largest width relative
-#: to the speed.
+#: Smallest width of friction that a fit can distinguish from a jump [m/s, rad/s], of a slow machine relative
+#: to its speed, and largest width relative to the speed.
 NARROWEST, WIDEST = 5e-4, 0.3
 
 
@@ -104,8 +104,10 @@ class Unknowns:
                 continue
             squares = paths[axis] ** 2
             j = self.names.index(name)
-            widest = WIDEST * np.sqrt(np.mean(squares**2) / max(float(np.mean(squares)), 1e-300))
-            self.lower[j] = max(self.lower[j], NARROWEST)
+            speed = float(np.sqrt(np.mean(squares**2) / max(float(np.mean(squares)), 1e-300)))
+            widest = WIDEST * speed
+            narrow = NARROWEST if model.is_craft else NARROWEST * min(speed, 1.0)
+            self.lower[j] = max(self.lower[j], narrow)
             self.upper[j] = max(min(self.upper[j], widest), self.start[j], self.lower[j])
 
     def inside(self, p: Array) -> Array:

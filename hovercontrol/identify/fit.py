@@ -23,7 +23,7 @@ from hovercontrol.errors import InputError
 from hovercontrol.estimation.data import Data, gather
 from hovercontrol.estimation.excitation import Excitation
 from hovercontrol.estimation.fit import Fit
-from hovercontrol.estimation.measure import MOST_ROWS, Measured, measure, refuse_still
+from hovercontrol.estimation.measure import MOST_ROWS, Measured, angles, measure, refuse_still
 from hovercontrol.estimation.noise import averaging_time
 from hovercontrol.estimation.subject import named
 from hovercontrol.fmi.replay.plant import FmuPlant
@@ -176,7 +176,7 @@ def _told(block: Block, log: Log) -> Log:
     channels = [name for name in seen if name not in inputs]
     for fault in code_faults(log, [*channels, *inputs]):
         raise InputError(fault)
-    log, said = prepared(log, channels, inputs)
+    log, said = prepared(log, channels, inputs, angles(block))
     for line in said:
         warnings.warn(line, stacklevel=4)
     return log

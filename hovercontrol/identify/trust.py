@@ -218,6 +218,7 @@ def _over_longer_times(fit: Fit, std: Array) -> list[tuple[str, Reading]]:
     found: dict[str, Reading] = {}
     slope, tests = fit.problem.slope(fit.p), len(fit.p) * len(TRUST.horizons)
     for horizon in TRUST.horizons:
+        horizon *= fit.problem.tempo
         if (read := _read_over(fit, horizon)) is None:
             continue
         step, own, difference, dof = read

@@ -14,6 +14,7 @@ from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.discrepancy.checks import check_fitted, check_logs, slow_rows
 from hovercontrol.errors import InputError
+from hovercontrol.estimation.measure import angles
 from hovercontrol.estimation.subject import Subject, structure
 from hovercontrol.fmi.replay.plant import FmuPlant
 from hovercontrol.identify import identify
@@ -232,7 +233,9 @@ def check(
     found = []
     for k, log in enumerate(logs):
         report(0.4 * k / len(logs), f"looking at {log.name}")
-        found.append(facts(log, *_roles(block), files[k] if files else None))
+        craft = None if model is None else model.is_craft
+        turning = [] if block is None else angles(block)
+        found.append(facts(log, *_roles(block), files[k] if files else None, craft, turning))
         warnings += found[-1].remarks
         if model is not None:
             _collect(partial(check_logs, model, [log]), errors, warnings)

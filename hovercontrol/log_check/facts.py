@@ -168,6 +168,8 @@ def facts(
     inputs: Sequence[str] = (),
     units: Mapping[str, str] | None = None,
     files: Mapping[str, Array] | None = None,
+    craft: bool | None = None,
+    angles: Sequence[str] = (),
 ) -> LogFacts:
     """Return the facts of a log.
 
@@ -180,6 +182,10 @@ def facts(
         Units of columns, in addition to those of pose and body velocities.
     files : mapping of str to ndarray, shape (n,), optional
         Original stamps [s] of the files that the log was joined from.
+    craft : bool, optional
+        Whether the log is of a craft, with its scales; default: by the names of its columns.
+    angles : sequence of str, optional
+        Columns in rad that count their turns.
 
     Returns
     -------
@@ -202,10 +208,11 @@ def facts(
     ]
     corrected = corrections(log)
     navigated = NAVIGATION.least <= corrected.size <= NAVIGATION.most * len(log)
-    craft = any(log.has(name) for name in (*POSE, *VELOCITY))  # other systems may be slow or fast
+    if craft is None:  # other systems may be slow or fast
+        craft = any(log.has(name) for name in (*POSE, *VELOCITY))
     remarks = code_faults(log, measured)
     blank = {name: log.missing(name) for name in kinds}
-    log, notes = _read(log, measured, inputs)
+    log, notes = _read(log, measured, inputs, angles)
     remarks = remarks or (scale_faults(log) if craft else [])
     remarks = remarks or (convention_faults(log) if craft else [])
     rejected = _rejected(log) if log.has(*POSE) and not navigated and not remarks else ()
@@ -228,10 +235,12 @@ def facts(
     return LogFacts(log, tuple(timing), columns, rejected, (*notes, *remarks))
 
 
-def _read(log: Log, measured: Sequence[str], inputs: Sequence[str]) -> tuple[Log, list[str]]:
+def _read(
+    log: Log, measured: Sequence[str], inputs: Sequence[str], angles: Sequence[str]
+) -> tuple[Log, list[str]]:
     """Return a log prepared for a fit, with one line on each change, or on why it cannot be fitted."""
     try:
-        return prepared(log, measured, inputs)
+        return prepared(log, measured, inputs, angles)
     except InputError as error:
         return log, [str(error)]
 

@@ -34,12 +34,16 @@ class HeldCriteria:
     longer : float
         Repeats that last longer than this factor times their 95 % quantile count as a craft at rest; of
         these, one row per such period is kept.
+    rounding : float
+        Changes below this fraction of the largest one are rounding errors: the speed of an encoder is a
+        difference of its counts, and equal only to rounding.
     """
 
     jump: float = 3.0
     fewest: int = 10
     by_chance: float = 3.0
     longer: float = 1.5
+    rounding: float = 1e-6
 
 
 #: The values in use.
@@ -112,6 +116,7 @@ def repeats(log: Log, names: Sequence[str]) -> Mask:
     rows = np.flatnonzero(np.isfinite(log.stack(*names)).all(axis=1))
     values = log.stack(*names)[rows]
     sizes = np.abs(np.diff(values, axis=0))  # of the changes into rows 1, 2, ...
+    sizes[sizes <= HELD.rounding * sizes.max(axis=0, initial=0.0)] = 0.0
     finest = np.array([row[row > 0.0].min(initial=np.inf) for row in sizes.T])
     large: Mask = np.any(sizes >= HELD.jump * finest, axis=1)
     equal: Mask = np.all(sizes == 0.0, axis=1)

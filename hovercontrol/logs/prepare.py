@@ -8,21 +8,27 @@ from dataclasses import replace
 import numpy as np
 
 from hovercontrol.errors import InputError
+from hovercontrol.logs.angles import unwrapped
 from hovercontrol.logs.held import without_repeats
 from hovercontrol.logs.log import Floats, Log
 
 
-def prepared(log: Log, channels: Sequence[str], inputs: Sequence[str]) -> tuple[Log, list[str]]:
+def prepared(
+    log: Log, channels: Sequence[str], inputs: Sequence[str], angles: Sequence[str] = ()
+) -> tuple[Log, list[str]]:
     r"""Return a log prepared for estimation, and one line on each change.
 
     NaN in a measured column is a missing sample. NaN in a command means that the last value is held; rows
     before the first command are left out. Rows that only repeat the previous measurement count as missing
-    samples (:func:`.held.without_repeats`). Preparing a log twice changes nothing more.
+    samples (:func:`.held.without_repeats`). Angles that a sensor gives within one turn get their turns
+    (:func:`.angles.unwrapped`). Preparing a log twice changes nothing more.
 
     Parameters
     ----------
     channels, inputs : sequence of str
         Names of measured and commanded columns; those that the log lacks are ignored.
+    angles : sequence of str, optional
+        Measured columns in rad that count their turns.
 
     Returns
     -------
@@ -50,8 +56,9 @@ def prepared(log: Log, channels: Sequence[str], inputs: Sequence[str]) -> tuple[
             raise InputError(f"{log.name}: column {name!r} is empty: NaN in all {len(log)} rows")
     said = [*log.notes, *_missing(log, seen)]
     log, blank = _commanded(log, given)
+    log, turned = unwrapped(log, [name for name in angles if name in seen])
     log, repeated = without_repeats(log, seen)
-    return replace(log, notes=()), [*said, *blank, *repeated]
+    return replace(log, notes=()), [*said, *blank, *turned, *repeated]
 
 
 def held_on(values: Floats) -> Floats:

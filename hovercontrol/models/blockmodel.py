@@ -213,7 +213,8 @@ class BlockModel(EffectModel):
 
     def free_coefficients(self) -> tuple[str, ...]:
         """Return the Block's parameters, linear or not, and the effects' linear coefficients."""
-        return (*self._parameters, *self._linear_in_effects())
+        own = (name for name, p in self._parameters.items() if not is_period(self.block, p))
+        return (*own, *self._linear_in_effects())
 
     def sign_keeping(self) -> frozenset[str]:
         """Return the Block's parameters that are not zero, by their bounds or for the equations."""

@@ -19,7 +19,7 @@ from hovercontrol.discrepancy.checks.timing import (
 )
 from hovercontrol.discrepancy.checks.units import refuse_units
 from hovercontrol.errors import InputError, did_you_mean
-from hovercontrol.estimation.measure import steps
+from hovercontrol.estimation.measure import angles, steps
 from hovercontrol.estimation.subject import Subject, structure
 from hovercontrol.logs import Log
 from hovercontrol.logs.check import check_heading
@@ -128,7 +128,7 @@ def check_logs(model: Subject, logs: Sequence[Log], holdout: Log | Sequence[Log]
         for fault in code_faults(log, [*channels, *inputs]):
             raise InputError(fault)
         _refuse_apart(log, channels, inputs)
-        log, said = prepared(log, channels, inputs)
+        log, said = prepared(log, channels, inputs, angles(block))
         every[k] = log
         warnings += [*said, *check_length(log, time_constant(model), is_craft=model.is_craft)]
         warnings += slow_rows(model, log)

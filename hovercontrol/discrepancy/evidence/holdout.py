@@ -203,8 +203,11 @@ def _over_blocks(values: Array, block: NDArray[np.intp]) -> float:
 
 
 def gap(fit: Fit, horizon: float = 1.0) -> Gap:
-    """Return the prediction errors of a fitted model at its longest horizon up to `horizon` [s]."""
-    chosen = [h for h in horizons(fit) if h <= 1.001 * max(horizon, horizons(fit)[0])][-1]
+    """Return the prediction errors of a fitted model at its longest horizon up to `horizon` [s].
+
+    `horizon` is multiplied by the tempo.
+    """
+    chosen = [h for h in horizons(fit) if h <= 1.001 * max(horizon * fit.problem.tempo, horizons(fit)[0])][-1]
     found = predict(fit, chosen)
     problem = fit.problem
     rms = found.rms if found else dict.fromkeys(problem.rows.channels, float("nan"))

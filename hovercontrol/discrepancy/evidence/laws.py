@@ -220,7 +220,7 @@ def _conditions(same: Sequence[Missing]) -> list[tuple[str, NDArray[np.bool_]]]:
             (f"where {name} is large", np.abs(values) > size),
         ]
         if quantity.is_command:
-            fresh = [_fresh(m.time, m.over[k].values, LAWS.step * size) for m in same]
+            fresh = [_fresh(m.time, m.over[k].values, LAWS.step * size, LAWS.fresh * m.tempo) for m in same]
             found.append((f"just after steps of {name}", np.concatenate(fresh)))
         else:
             found.append((f"near standstill of {name}", np.abs(values) < LAWS.still * size))
@@ -228,11 +228,11 @@ def _conditions(same: Sequence[Missing]) -> list[tuple[str, NDArray[np.bool_]]]:
     return [*found, ("late in each log", time > 0.5), ("early in each log", time < 0.5)]
 
 
-def _fresh(time: Array, command: Array, step: float) -> NDArray[np.bool_]:
-    """Return the rows just after a step of a command, as a mask."""
+def _fresh(time: Array, command: Array, step: float, soon: float) -> NDArray[np.bool_]:
+    """Return the rows less than `soon` [s] after a step of a command, as a mask."""
     at = time[1:][np.abs(np.diff(command)) > step]
     ago = time - np.concatenate([[-np.inf], at])[np.searchsorted(at, time, side="right")]
-    return np.asarray(ago < LAWS.fresh)
+    return np.asarray(ago < soon)
 
 
 def _size(values: Array) -> float:

@@ -75,6 +75,8 @@ class Missing:
         Quantities on which it may depend, in the same rows.
     seen : float
         Root mean square of the observed acceleration in that equation; equations are compared relative to it.
+    tempo : float
+        By which lengths of time are multiplied (:mod:`hovercontrol.estimation.tempo`).
     """
 
     log: str
@@ -85,6 +87,7 @@ class Missing:
     band: Array
     over: tuple[Quantity, ...] = ()
     seen: float = 1.0
+    tempo: float = 1.0
 
     __repr__ = short_repr
 
@@ -96,8 +99,8 @@ class Missing:
         edges = np.flatnonzero(np.diff(np.concatenate([[0], there.astype(int), [0]])))
         spans = [(float(self.time[a]), float(self.time[b - 1])) for a, b in edges.reshape(-1, 2)]
         joined: list[tuple[float, float]] = []
-        for begin, end in (s for s in spans if s[1] - s[0] >= MISSING.shortest):
-            if joined and begin - joined[-1][1] < MISSING.apart:
+        for begin, end in (s for s in spans if s[1] - s[0] >= MISSING.shortest * self.tempo):
+            if joined and begin - joined[-1][1] < MISSING.apart * self.tempo:
                 begin = joined.pop()[0]
             joined.append((begin, end))
         return joined

@@ -169,5 +169,7 @@ def missing_forces(fit: Fit) -> tuple[Missing, ...]:
             band = np.sqrt(np.maximum(rows(variance[..., j]), 0.0)) * narrower[j]
             seen = float(problem.accelerations[j])
             unit = rate(state.unit)
-            found.append(Missing(log.name, f"{state.name}'", unit, log.time, force, band, depends, seen))
+            found.append(
+                Missing(log.name, f"{state.name}'", unit, log.time, force, band, depends, seen, problem.tempo)
+            )
     return tuple(found)

@@ -116,7 +116,7 @@ def runs_of(problem: Problem, k: int, seconds: float = np.inf) -> Iterator[tuple
     row = np.concatenate([np.arange(n) for n in lengths]).astype(np.intp)
     block = np.repeat(blocks, lengths)
     t = time[row, block]
-    far = max(BLOCKING.longest_gap, BLOCKING.gap_steps * problem.shortest)
+    far = max(BLOCKING.longest_gap * problem.tempo, BLOCKING.gap_steps * problem.shortest)
     begin = 0
     for j in range(1, t.size + 1):
         if j == t.size or t[j] - t[j - 1] > far or t[j] - t[begin] >= seconds - 0.5 * problem.shortest:
@@ -150,7 +150,11 @@ def simulate_runs(
     start = np.stack([path[row[0], block[0]] for row, block in runs], axis=-1)
     log = np.array([problem.rows.log[block[0]] for _, block in runs])
     dt = np.diff(t, axis=0)
-    S = 1 if problem.period else max(problem.usual_pieces, math.ceil(float(dt.max()) / STEP - 1e-9))
+    S = (
+        1
+        if problem.period
+        else max(problem.usual_pieces, math.ceil(float(dt.max()) / (STEP * problem.tempo) - 1e-9))
+    )
     h = dt / S
     begin = t[:-1] + np.arange(S)[:, None, None] * h
     every = np.tile(log, M - 1)

@@ -93,7 +93,7 @@ def reach(signal: Signal, driven: Array) -> tuple[float, float]:
     return low, high
 
 
-def family(limits: Limits, step: float, seed: int = 0) -> list[Manoeuvre]:
+def family(limits: Limits, step: float, seed: int = 0, tempo: float = 1.0) -> list[Manoeuvre]:
     """Return the manoeuvres that a machine with these commands can drive.
 
     Parameters
@@ -104,6 +104,8 @@ def family(limits: Limits, step: float, seed: int = 0) -> list[Manoeuvre]:
         Time from row to row [s].
     seed : int, optional
         Seed of the random manoeuvres.
+    tempo : float, optional
+        By which lengths of time are multiplied.
 
     Examples
     --------
@@ -112,11 +114,15 @@ def family(limits: Limits, step: float, seed: int = 0) -> list[Manoeuvre]:
     >>> [m.name for m in family({"force": (-1.0, 1.0)}, 0.01)]
     ['steps', 'fast steps', 'coast-down', 'ramp', 'random 1', 'random 2']
     """
-    t = np.arange(0.0, MANOEUVRES.seconds, step)
+    t = np.arange(0.0, MANOEUVRES.seconds * tempo, step)
+
+    def last(*seconds: float) -> str:
+        return " to ".join(f"{s * tempo:.3g}" for s in seconds) + " s"
+
     makers: list[tuple[str, str, Callable[[Array, Limits], dict[str, Array]]]] = [
-        ("steps", "steps of all commands, held 1 to 2 s", lambda t, x: _steps(t, x, 1.5)),
-        ("fast steps", "steps of all commands, held 0.3 to 0.6 s", lambda t, x: _steps(t, x, 0.45)),
-        ("coast-down", "pushes of 2.5 s, each followed by a coast-down of 2.5 s", _coast),
+        ("steps", f"steps of all commands, held {last(1.0, 2.0)}", lambda t, x: _steps(t, x, 1.5)),
+        ("fast steps", f"steps of all commands, held {last(0.3, 0.6)}", lambda t, x: _steps(t, x, 0.45)),
+        ("coast-down", f"pushes of {last(2.5)}, each followed by a coast-down of {last(2.5)}", _coast),
     ]
     if {"thrust", "rudder"} <= set(limits):
         makers += [
@@ -131,7 +137,7 @@ def family(limits: Limits, step: float, seed: int = 0) -> list[Manoeuvre]:
     for k in range(1, MANOEUVRES.drawn + 1):
         text = f"steps of all commands at random times ({k} of {MANOEUVRES.drawn} drawn with seed {seed})"
         makers.append((f"random {k}", text, lambda t, x: _drawn(t, x, rng)))
-    return [Manoeuvre(name, text, t, make(t, limits)) for name, text, make in makers]
+    return [Manoeuvre(name, text, t, make(t / tempo, limits)) for name, text, make in makers]
 
 
 def _steps(t: Array, limits: Limits, hold: float) -> dict[str, Array]:

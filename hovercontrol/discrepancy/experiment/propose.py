@@ -195,22 +195,27 @@ def predicted(fit: Fit, manoeuvre: Manoeuvre) -> Data:
         manoeuvre.name, manoeuvre.time, 0.0, inputs, like.channels, np.zeros((len(like.channels), n)), rest,
         whole, whole, np.ones(n, dtype=bool), (), n,
     )  # fmt: skip
-    problem = Problem(fit.model, _data(like, empty, names), pieces=fit.problem.usual_pieces)
+    problem = Problem(
+        fit.model, _data(like, empty, names, fit.problem.period), pieces=fit.problem.usual_pieces
+    )
     (found,) = simulate_runs(problem, problem.start, problem.guess, list(runs_of(problem, 0)))
-    return _data(like, replace(empty, states=found[0], values=found[1]), names)
+    return _data(like, replace(empty, states=found[0], values=found[1]), names, fit.problem.period)
 
 
-def _data(like: Data, log: Measured, states: Sequence[str]) -> Data:
+def _data(like: Data, log: Measured, states: Sequence[str], period: float) -> Data:
     """Return data that consist of one log."""
-    rows = arrange([log], [dict(zip(states, log.states, strict=True))], like.channels)
-    return Data((log,), like.channels, like.noise, np.ones((1, len(like.channels))), rows)
+    guess = [dict(zip(states, log.states, strict=True))]
+    rows = arrange([log], guess, like.channels, period, like.tempo)
+    scales = np.ones((1, len(like.channels)))
+    return Data((log,), like.channels, like.noise, scales, rows, tempo=like.tempo)
 
 
 def _family(fit: Fit, seed: int) -> Sequence[Manoeuvre]:
     logs, inputs = fit.problem.logs, fit.problem.block.inputs
     every = np.concatenate([m.inputs for m in logs], axis=1)
     limits = {s.name: reach(s, row) for s, row in zip(inputs, every, strict=True)}
-    return family(limits, max(float(np.median(np.diff(logs[0].time))), PROPOSAL.tick), seed)
+    tempo = fit.problem.tempo
+    return family(limits, max(float(np.median(np.diff(logs[0].time))), PROPOSAL.tick * tempo), seed, tempo)
 
 
 def _information(fit: Fit) -> Array:

@@ -24,7 +24,7 @@ from hovercontrol.effects.law import Factor, Law, law_class, law_name
 from hovercontrol.estimation.fit import Fit
 from hovercontrol.estimation.kalman import run_filter
 from hovercontrol.estimation.noise import augment
-from hovercontrol.estimation.passes import products
+from hovercontrol.estimation.passes import inverse, products
 
 Array = NDArray[np.float64]
 
@@ -185,11 +185,11 @@ class _Equation:
             )
             found.append((float(gain), prior))
         gain, prior = max(found, key=lambda one: one[0])
-        inverse = np.linalg.pinv(total + prior, hermitian=True)
-        return gain, (inverse @ score)[P:], inverse[P:, P:]
+        C = inverse(total + prior)
+        return gain, (C @ score)[P:], C[P:, P:]
 
 
 def _left_out(others: Array, score: Array, own: Array, g: Array) -> float:
     """Return the gain of one block under coefficients that the other blocks chose."""
-    theta = np.linalg.lstsq(others, score, rcond=1e-13)[0]
+    theta = inverse(others) @ score
     return float(2.0 * g @ theta - theta @ own @ theta)

@@ -13,11 +13,12 @@ SECONDS, ROWS = (10.0, 5.0, 2.0, 1.0), 10
 
 def free_runs(m: Context) -> str:
     """Return the section that shows free runs along a log."""
-    for seconds in SECONDS:
-        after = free_run(m.after, 0, max(seconds, ROWS * m.after.problem.shortest))
+    problem = m.after.problem
+    for wanted in SECONDS:
+        seconds = max(wanted * problem.tempo, ROWS * problem.shortest)
+        after = free_run(m.after, 0, seconds)
         if after.keeps_near():
             break
-    seconds = max(seconds, ROWS * m.after.problem.shortest)
     before = free_run(m.before, 0, seconds) if m.changed else after
     kinds = ("measured", "before", "after") if m.changed else ("measured", "before")
     begin, end = pictures.stretch(before)

@@ -10,7 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hovercontrol.core.units import BASE, dimension
 from hovercontrol.effects import Effect, Shape, effect_class, effect_names
+from hovercontrol.effects.drag import per_second
 from hovercontrol.errors import InputError
 from hovercontrol.estimation.fit import Fit
 from hovercontrol.estimation.subject import Subject, structure
@@ -118,11 +120,12 @@ def candidates(fit: Fit, names: Sequence[str] | None = None) -> list[Candidate]:
         amplitudes = tuple(k for k, n in cls.numbers.items() if not math.isnan(n.neutral))
         grid = []
         for key, number in cls.numbers.items():
+            slow = fit.problem.tempo ** _seconds(fit, cls, number.unit)
             if isinstance(number, Shape) and number.search:
-                scale = _scale(fit, cls, number.of, scales)
+                scale = _scale(fit, cls, number.of, scales) if number.of else slow
                 grid.append([(key, part * scale) for part in number.search])
             elif isinstance(number, Shape):
-                default = number.default if number.default is not None else 0.01
+                default = slow * (number.default if number.default is not None else 0.01)
                 is_width = cls.parameter(key) == cls.friction_width()
                 grid.append([(key, _width(fit, cls, default) if is_width else default)])
             else:
@@ -197,6 +200,18 @@ def _scale(fit: Fit, cls: type[Effect], of: str, scales: Mapping[str, float]) ->
             or 1.0
         )
     return scales.get(f"speed_{cls.axis}" if of == "speed" else of, 1.0)
+
+
+def _seconds(fit: Fit, cls: type[Effect], unit: str) -> int:
+    """Return the power of time in a unit: 1 of s, -2 of 1/s^2, -1 of the rate of the state it acts on."""
+    axis = {s.name: s.unit for s in fit.problem.block.states}.get(cls.axis, "1")
+    if "{" in unit or unit == axis:  # "{thrust}": of an input
+        return 0
+    if unit == per_second(axis):
+        return -1
+    powers = list(dimension(unit))
+    seconds = powers.pop(BASE.index("s"))
+    return 0 if any(powers) else int(seconds)
 
 
 def _width(fit: Fit, cls: type[Effect], default: float) -> float:

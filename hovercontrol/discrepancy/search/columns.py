@@ -93,7 +93,7 @@ class Along:
         self._values = dict(zip(problem.block.default_parameters, problem.parameters(fit.p), strict=True))
         self._within = within(fit)
         self._steps = self._within.steps
-        self._rate = {rate_key(problem.block): followed_rate(float(self._steps.h.max()))}
+        self._rate = {rate_key(problem.block): followed_rate(float(self._steps.h.max()), problem.tempo)}
         # where rates are taken: in the middles of sub-steps, or at the ticks of a sampled model
         self._t = self._steps.t + (0.0 if problem.period else 0.5) * self._steps.h
         self._base: Array | None = None
@@ -217,7 +217,11 @@ class Along:
         x[new] = follow(block, new, self._t, self._steps.h, x, u, every)[:, :-1]
 
     def _commands(self, model: Subject, block: Block, every: list[float]) -> tuple[Array, dict[int, Array]]:
-        inputs, steps, log = Inputs(block, model, self.problem.logs), self._steps, self.problem.rows.log
+        inputs, steps, log = (
+            Inputs(block, model, self.problem.logs, self.problem.tempo),
+            self._steps,
+            self.problem.rows.log,
+        )
         delay = inputs.delay(every)
         if delay not in self._means:
             self._means[delay] = inputs.means(delay, steps.t, steps.h, log)

@@ -203,7 +203,7 @@ class Scores:
         total, score, gain = G.sum(axis=0), f.sum(axis=0), 0.0
         for own, g in zip(G, f, strict=True):
             others = total - own + np.diag(prior + 1e-12 * np.diag(total))
-            theta = np.linalg.lstsq(others, score - g - pull, rcond=1e-13)[0]
+            theta = inverse(others) @ (score - g - pull)
             gain += float(2.0 * g @ theta - theta @ own @ theta)
         return gain
 
