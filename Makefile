@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 unexport PYTHONDONTWRITEBYTECODE  # the tests start many processes: compile each file once
 
-.PHONY: demo test test-slow test-all coverage mutations oldest newest check wheel fuzz benchmarks docs pictures clean
+.PHONY: demo test test-slow test-all coverage mutations oldest newest check wheel fuzz benchmarks findings docs pictures clean
 .DELETE_ON_ERROR:
 
 demo: .venv/ready  ## the paper's Table I, coefficients from the sample log, what K06's model lacked
@@ -57,6 +57,10 @@ wheel: .venv/ready  ## wheel and sdist, installed in fresh environments; sizes a
 
 benchmarks: .venv/ready  ## every figure in the README, measured on this machine
 	$(BIN)/python -m benchmarks
+
+findings:  ## surprises about other people's tools (findings/README.md), each in a fresh environment; needs the network
+	@changed=0; for script in findings/*.sh; do \
+	  echo "$$script"; sh $$script || { echo "its behaviour has changed: $$script"; changed=1; }; done; exit $$changed
 
 docs: .venv/docs  ## the site, every cell run, warnings are errors: out/site/index.html
 	@begin=$$(date +%s); PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/sphinx-build -W --keep-going -q -j auto -d out/doctrees docs out/site \
