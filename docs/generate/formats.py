@@ -36,23 +36,49 @@ ABOUT = {
 }
 
 
+#: Frames, axes and units by source: position, heading, velocities, options, definition.
+_CONVENTIONS = [
+    ("ROS `nav_msgs/Odometry`", "x, y of `header.frame_id`, z up", "quaternion x, y, z, w", "`twist` along the body: forward, left", "as it is", "REP 103, REP 105"),
+    ("ROS `tf2_msgs/TFMessage`", "of the child in its parent", "quaternion x, y, z, w", "none", "`/tf[base_link]/...`", "tf2"),
+    ("PX4 `vehicle_local_position`, `vehicle_attitude`", "x north, y east", "clockwise from north; quaternion w first, `q[1],q[2],q[3],q[0]`", "vx, vy along north and east: no u, v", "`--frame ned`", "PX4 1.15, message definitions"),
+    ("ArduPilot `POS`, `ATT`, `IMU`", "PN north, PE east", "Yaw, clockwise from north, deg", "VN, VE along north and east; GyrZ clockwise", "`--frame ned`", "ArduPilot 4.5, log messages"),
+    ("MAVLink `LOCAL_POSITION_NED`, `ATTITUDE`", "x north, y east", "yaw, clockwise from north, rad", "vx, vy along north and east; yawspeed clockwise", "`--frame ned`", "MAVLink 2, common.xml"),
+    ("NMEA 0183", "`x=RMC/lat,RMC/lon:north`, `y=...:east`", "HDT, THS: clockwise from true north, deg", "speed and course over ground; a course is no heading", "`--frame ned`", "IEC 61162-1"),
+    ("GPX", "`x=lat,lon:north`, `y=...:east`", "none", "none", "`--frame ned`", "GPX 1.1"),
+    ("Motive (OptiTrack) CSV", "y up unless exported otherwise: `x=B.x,y=B.z:-`", "quaternion x, y, z, w, or Euler angles about the body's axes in the order of `Rotation Type`: `psi=B.rx,B.ry,B.rz:y-up`", "none", "as it is", "Motive 3, Data Export: CSV; NatNet SDK"),
+    ("Vicon CSV", "z up", "rotation vector RX, RY, RZ", "none", "as it is", "Nexus 2, ASCII files"),
+    ("OpenSim `.mot`, `.sto`", "m", "deg where `inDegrees=yes`", "angles per second likewise", "as it is", "OpenSim 4, motion files"),
+    ("C3D, TRC", "axes of the laboratory: `check` takes the one that moves least as vertical", "none", "none", "as it is", "c3d.org"),
+]  # fmt: skip
+
 #: What the page on logs says of other formats.
 _OTHER_LOGS = (
     "## Formats",
-    'A file\'s format is known by its content, else by its suffix. Libraries come with `pip install "hovercontrol[logs]"`.',
+    'A file\'s format is known by its content, else by its suffix. Libraries come with `pip install "hovercontrol[logs]"` (ROS, PX4, ArduPilot, MDF) '
+    'and `"hovercontrol[logs-all]"` (all).',
     table(
         ("format", "suffix", "library", "names of columns"),
         [(f.name, ", ".join(f"`{s}`" for s in f.suffixes), f.library, f.columns) for f in FORMATS],
     ),
-    "ROS 2's bags are also read as the folder into which they were recorded. Files of other suffixes are read as CSV.",
+    "ROS 2's bags are also read as the folder into which they were recorded. Files of other suffixes are read as CSV. Frames of CAN are decoded by "
+    "a database (DBC) beside the file: the one of its name, or the only one in the folder. An MCAP file that lost its end is read up to the break.",
     "In CSV these are recognised, and said in one line: commas, semicolons, tabs, bars or blanks between values; decimal commas; UTF-16; "
     "comment lines (`#`, `%`, `//`); lines above the header; units in its names (`x [mm]`, `T [degC]`) or in a line below it, which are converted to SI. Copies of the row before, and a last "
-    "line without its end, are left out.",
+    "line without its end, are left out. `True` and `False` are 1 and 0; durations are seconds (`0.5 sec`, `1 days 00:00:01`).",
+    "## Missing values",
+    "Missing are blank and NaN cells, samples whose invalidation bit is set (MDF), points that were not seen (motion capture), the largest number of a measured field of "
+    "MAVLink, and CAN values whose label says so (`SNA`, `Error`). Other labels are numbers: of `0 = Off` with a scale of 0.1 N the value is 0 N. A note of the log names each label that occurs.",
     "## Topics",
-    "`hovercontrol check flight.ulg` lists the topics of a log with their rates and columns, and proposes `--columns`. Each topic has its own "
+    "`hovercontrol check flight.ulg` lists the topics of a log with their rates, and unit, range and missing share of their columns, and proposes `--columns`. Each topic has its own "
     "clock. The rows of the log are those of the topic with most of the measured columns; measured columns of other topics are interpolated "
     "linearly between their rows, commands hold until the next row. A topic's clock is the stamp in the header of its ROS messages where that agrees with the "
-    "time of recording to 10 s, else that time; `--columns time=/odom/time` names another. Dots may be written for slashes: `ATT.Yaw`.",
+    "time of recording to 10 s, else that time; `--columns time=/odom/time` names another. If no topic's stamps agree with it, as in a simulation at another speed, stamps are the clock of all topics. "
+    "Dots may be written for slashes: `ATT.Yaw`.",
+    "Elements that messages name are columns by their names, `/joint_states/position[rudder]`. Transforms are a table for each child frame, `/tf[base_link]/transform.translation.x`.",
+    "## Conventions of the formats",
+    "What a source means by its columns, and how it is read. The package's own frame is z up: psi turns from x to y, v is positive to the left. Each row is tested.",
+    table(("source", "position", "heading", "velocities", "read with", "where it is defined"), _CONVENTIONS),
+    "`check` compares heading with course, yaw rate with the rate of the heading, velocities with the rate of the position, and the tilt of a body with its heading, and tells a contradiction with its likely cause.",
     "## Time and heading",
     table(
         ("`--columns`", "what it does"),
@@ -67,6 +93,10 @@ _OTHER_LOGS = (
                 "a sum of integers; units by names (`sec`, `nsec`, `usec`), or `time=a:s+b:ns`",
             ),
             ("`psi=qx,qy,qz,qw`", "the heading of a quaternion, scalar last; also `quat(qx;qy;qz;qw)`"),
+            (
+                "`x=lat,lon:east`, `y=lat,lon:north`",
+                "metres east and north of the first fix, in the plane tangent to the ellipsoid (WGS 84)",
+            ),
             ("`psi=rx,ry,rz`", "the heading of a rotation vector; also `rotvec(rx;ry;rz)`"),
             (
                 "`psi=qx,qy,qz,qw:y-up`",

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from hovercontrol.errors import InputError
-from hovercontrol.logs.readers.mcap import Channel
+from hovercontrol.logs.readers.mcap import Channel, Messages
 from hovercontrol.logs.readers.messages import STAMPS, decoder_of
 from hovercontrol.logs.readers.ros_messages import Block, Key
 from hovercontrol.logs.readers.streams import stream_of
@@ -119,23 +119,22 @@ class _Bag:
         self, topics: Collection[str] | None, wanted: Collection[str]
     ) -> Iterator[tuple[str, Block, Any]]:
         """Yield topic, decoded rows and times of recording [ns] of each row."""
-        waiting: dict[int, tuple[Channel, list[bytes], list[int]]] = {}
+        waiting: dict[int, Messages] = {}
         sizes: dict[int, int] = {}
-        for channel, recorded, raw in self.stream.messages(topics):
+        for channel, recorded, raws in self.stream.messages(topics):
             key = id(channel)
             if key not in waiting:
                 waiting[key], sizes[key] = (channel, [], []), 0
-            _, raws, times = waiting[key]
-            raws.append(raw)
-            times.append(recorded)
-            sizes[key] += len(raw)
+            waiting[key][1].extend(recorded)
+            waiting[key][2].extend(raws)
+            sizes[key] += sum(map(len, raws))
             if sizes[key] > FLUSH:
                 yield from self._decoded(*waiting.pop(key), wanted)
         for each in waiting.values():
             yield from self._decoded(*each, wanted)
 
     def _decoded(
-        self, channel: Channel, raws: list[bytes], recorded: list[int], wanted: Collection[str]
+        self, channel: Channel, recorded: list[int], raws: list[bytes], wanted: Collection[str]
     ) -> Iterator[tuple[str, Block, Any]]:
         decoder = self._decoder(channel)
         times = np.array(recorded, dtype=np.int64)

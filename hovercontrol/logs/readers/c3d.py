@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import io
+import subprocess
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -9,7 +12,11 @@ from typing import Any
 import numpy as np
 
 from hovercontrol.errors import InputError
+from hovercontrol.logs.readers import c3d_process
 from hovercontrol.logs.readers.tables import Table, Tables, faults, library, unit_or_none
+
+PATIENCE = 30.0
+"""Time [s] for reading a file, and for each 10 MB of it."""
 
 
 def c3d(file: Path) -> Tables:
@@ -20,27 +27,35 @@ def c3d(file: Path) -> Tables:
     InputError
         If ezc3d is missing, or the file is damaged or holds neither points nor analog channels.
     """
-    module = library(file, "ezc3d", "C3D files", "logs-all")
+    library(file, "ezc3d", "C3D files", "logs-all")
     with faults(file, "C3D"):
-        found = module.c3d(str(file))
-        about, header = found["parameters"], found["header"]
-        tables = [
-            table
-            for table in (
-                _points(file, found["data"], about, header),
-                _analog(file, found["data"], about, header),
-            )
-            if table
-        ]
+        found = _contents(file)
+        tables = [table for table in (_points(file, found), _analog(file, found)) if table]
     if not tables:
         raise InputError(f"{file}: a C3D file without points and analog channels")
     return Tables(file, tables)
 
 
-def _points(file: Path, data: Any, about: Any, header: Any) -> Table | None:
-    points = np.asarray(data["points"])[:3]
-    labels = [str(name).strip() for name in about["POINT"]["LABELS"]["value"]]
-    unit = next(iter(about["POINT"].get("UNITS", {}).get("value", [])), "mm")
+def _contents(file: Path) -> dict[str, Any]:
+    """Return the contents of a file, read in a process of its own."""
+    command = [sys.executable, str(c3d_process.__file__), str(file)]
+    try:
+        done = subprocess.run(
+            command, capture_output=True, timeout=PATIENCE * (1.0 + file.stat().st_size / 1e7), check=False
+        )
+    except subprocess.TimeoutExpired as late:
+        raise ValueError(f"ezc3d did not end within {late.timeout:.0f} s") from None
+    if done.returncode < 0:
+        raise ValueError(f"ezc3d was ended by signal {-done.returncode}")
+    if done.returncode:
+        lines = done.stderr.decode(errors="replace").strip().splitlines()
+        raise ValueError(lines[-1] if lines else f"ezc3d ended with status {done.returncode}")
+    with np.load(io.BytesIO(done.stdout)) as archive:
+        return {name: archive[name] for name in archive.files}
+
+
+def _points(file: Path, found: dict[str, Any]) -> Table | None:
+    points, labels = found["points"], found["labels"].tolist()
     columns = {
         f"{label or f'point{k}'}.{axis}": points[a, k]
         for k, label in enumerate(labels[: points.shape[1]])
@@ -48,24 +63,20 @@ def _points(file: Path, data: Any, about: Any, header: Any) -> Table | None:
     }
     if not columns or not points.shape[2]:
         return None
-    first, rate = int(header["points"]["first_frame"]), float(header["points"]["frame_rate"])
-    units = dict.fromkeys(columns, unit_or_none(str(unit)) or "mm")
-    return _table(file, "points", "time", columns, first / rate, rate, units)
+    unit = unit_or_none(next(iter(found["units"].tolist()), "mm")) or "mm"
+    rate = float(found["rate"])
+    return _table(file, "points", "time", columns, found["first"] / rate, rate, dict.fromkeys(columns, unit))
 
 
-def _analog(file: Path, data: Any, about: Any, header: Any) -> Table | None:
-    analog = np.asarray(data["analogs"])
+def _analog(file: Path, found: dict[str, Any]) -> Table | None:
+    analog, labels = found["analogs"], found["analog_labels"].tolist()
     if analog.size == 0:
         return None
-    labels = [str(name).strip() for name in about["ANALOG"]["LABELS"]["value"]]
-    stated = about["ANALOG"].get("UNITS", {}).get("value", [])
     columns = {label or f"analog{k}": analog[0, k] for k, label in enumerate(labels[: analog.shape[1]])}
-    units = {
-        name: unit for name, text in zip(columns, stated, strict=False) if (unit := unit_or_none(str(text)))
-    }
-    rate = float(header["analogs"]["frame_rate"])
-    start = int(header["points"]["first_frame"]) / float(header["points"]["frame_rate"])
-    return _table(file, "analog", "analog/time", columns, start, rate, units)
+    stated = found["analog_units"].tolist()
+    units = {name: unit for name, text in zip(columns, stated, strict=False) if (unit := unit_or_none(text))}
+    start = float(found["first"]) / float(found["rate"])
+    return _table(file, "analog", "analog/time", columns, start, float(found["analog_rate"]), units)
 
 
 def _table(

@@ -43,6 +43,10 @@ class Channel:
     definitions: Mapping[str, Any] | None = None
 
 
+#: A channel, and times of recording [ns] and contents of messages.
+Messages = tuple[Channel, list[int], list[bytes]]
+
+
 class McapFile:
     """Channels and messages of an MCAP file, in the order of the file.
 
@@ -60,8 +64,8 @@ class McapFile:
         self._schemas: dict[int, tuple[str, str, bytes]] = {}
         self.broken = ""
 
-    def messages(self, topics: Collection[str] | None = None) -> Iterator[tuple[Channel, int, bytes]]:
-        """Yield channel, time of recording [ns] and content of messages; with None those of all topics."""
+    def messages(self, topics: Collection[str] | None = None) -> Iterator[Messages]:
+        """Yield messages of a channel, those of a chunk together; with None those of all topics."""
         self.broken = ""
         with self.file.open("rb") as stream:
             if stream.read(8) != MAGIC:
@@ -90,16 +94,14 @@ class McapFile:
                 if self.broken:
                     return
 
-    def _record(
-        self, code: int, content: bytes, topics: Collection[str] | None
-    ) -> Iterator[tuple[Channel, int, bytes]]:
+    def _record(self, code: int, content: bytes, topics: Collection[str] | None) -> Iterator[Messages]:
         if code == _CHUNK:
             yield from self._chunk(content, topics)
         elif code == _MESSAGE:
             number, _, recorded, _ = struct.unpack_from("<HIQQ", content)
             channel = self.channels.get(number)
             if channel and (topics is None or channel.topic in topics):
-                yield channel, recorded, content[22:]
+                yield channel, [recorded], [content[22:]]
         elif code == _SCHEMA:
             (number,) = struct.unpack_from("<H", content)
             name, at = _text(content, 2)
@@ -114,29 +116,37 @@ class McapFile:
                 kind, language, text = self._schemas.get(schema, ("", "", b""))
                 self.channels[number] = Channel(topic, kind, encoding, text, language)
 
-    def _chunk(self, content: bytes, topics: Collection[str] | None) -> Iterator[tuple[Channel, int, bytes]]:
+    def _chunk(self, content: bytes, topics: Collection[str] | None) -> Iterator[Messages]:
         _, _, size, check = struct.unpack_from("<QQQI", content)
         compression, at = _text(content, 28)
         data = _decompressed(content[at + 8 :], compression, size)
         if check and len(data) == size and crc32(data) != check:
             raise ValueError("its checksum differs")
-        unpack, at, end = struct.Struct("<HIQQ").unpack_from, 0, len(data)
-        wanted: dict[int, Channel] = {}
+        unpack, at, end = struct.Struct("<BQHIQ").unpack_from, 0, len(data)
+        found: dict[int, Messages | None] = {}
+        whole = True
         while at + 9 <= end:
-            code = data[at]
-            length = int.from_bytes(data[at + 1 : at + 9], "little")
+            # opcode and length of the record; channel, sequence number and log time if it is a message
+            code, length, number, _, recorded = unpack(data, at) if at + 23 <= end else (data[at], 0, 0, 0, 0)
+            length = length or int.from_bytes(data[at + 1 : at + 9], "little")
             after = at + 9 + length
             if after > end:
-                raise ValueError("it ends within a message")
-            if code == _MESSAGE:
-                number, _, recorded, _ = unpack(data, at + 9)
-                channel = wanted.get(number) or self.channels.get(number)
-                if channel and (topics is None or channel.topic in topics):
-                    wanted[number] = channel
-                    yield channel, recorded, data[at + 31 : after]
-            else:
+                whole = False
+                break
+            if code != _MESSAGE:
                 yield from self._record(code, data[at + 9 : after], topics)
+            else:
+                if number not in found:
+                    channel = self.channels.get(number)
+                    wanted = channel and (topics is None or channel.topic in topics)
+                    found[number] = (channel, [], []) if channel and wanted else None
+                if own := found[number]:
+                    own[1].append(recorded)
+                    own[2].append(data[at + 31 : after])
             at = after
+        yield from (own for own in found.values() if own)
+        if not whole:
+            raise ValueError("it ends within a message")
 
 
 def _text(content: bytes, at: int) -> tuple[str, int]:

@@ -18,6 +18,9 @@ from hovercontrol.logs.readers.can import database
 from hovercontrol.logs.readers.labels import labelled
 from hovercontrol.logs.readers.tables import Table, Tables, faults, library, unit_or_none
 
+LARGEST_RATIO = 1032
+"""Largest ratio of data to compressed data (deflate, RFC 1951: 258 bytes by two bits)."""
+
 
 def mdf(file: Path) -> Tables:
     """Open a measurement; channels keep their names, or ``group/name`` if two groups have the same name.
@@ -32,7 +35,7 @@ def mdf(file: Path) -> Tables:
         measured = module.MDF(str(file))
         if any(c.name == "CAN_DataFrame" for group in measured.groups for c in group.channels):
             measured = measured.extract_bus_logging({"CAN": [(str(database(file)), 0)]})
-        groups = [_Group(measured, k, group) for k, group in enumerate(measured.groups)]
+        groups = [_Group(file, measured, k, group) for k, group in enumerate(measured.groups)]
         for k, group in enumerate(groups):
             if any(other.name == group.name for other in groups[:k]):
                 group.name = f"{group.name}[{k}]"
@@ -47,9 +50,12 @@ def mdf(file: Path) -> Tables:
 class _Group:
     """A group of channels, with their position in the file by name."""
 
-    def __init__(self, measured: Any, number: int, group: Any) -> None:
+    def __init__(self, file: Path, measured: Any, number: int, group: Any) -> None:
         self.measured, self.number = measured, number
         self.rows = int(group.channel_group.cycles_nr)
+        width = int(group.channel_group.samples_byte_nr)
+        if self.rows * width > LARGEST_RATIO * file.stat().st_size:
+            raise InputError(f"{file}: group {number} states {self.rows:,} rows of {width:,} bytes: damaged")
         said = str(getattr(group.channel_group, "acq_name", "") or "").strip()
         self.name = said or f"group{number}"
         master = measured.masters_db.get(number)

@@ -89,10 +89,10 @@ def nmea(file: Path) -> Tables:
 
 
 def _checksum(body: bytes) -> bytes:
-    found = 0
-    for byte in body:
-        found ^= byte
-    return b"%02X" % found
+    found = int.from_bytes(body, "big")
+    for bits in (512, 256, 128, 64, 32, 16, 8):  # the exclusive or of up to 128 bytes, folded in halves
+        found ^= found >> bits
+    return b"%02X" % (found & 0xFF)
 
 
 def _number(text: str) -> float:

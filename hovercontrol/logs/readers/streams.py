@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any, Protocol
 
-from hovercontrol.logs.readers.mcap import MAGIC, Channel, McapFile
+from hovercontrol.logs.readers.mcap import MAGIC, Channel, McapFile, Messages
 
 
 class Stream(Protocol):
@@ -16,8 +16,8 @@ class Stream(Protocol):
     def said(self) -> str:
         """Why the bag could not be read to its end; empty if it could."""
 
-    def messages(self, topics: Collection[str] | None) -> Iterator[tuple[Channel, int, bytes]]:
-        """Yield channel, time of recording [ns] and content of messages; with None those of all topics."""
+    def messages(self, topics: Collection[str] | None) -> Iterator[Messages]:
+        """Yield messages of one channel at a time; with None those of all topics."""
 
 
 def stream_of(file: Path) -> Stream:
@@ -50,7 +50,7 @@ class _McapFiles:
             f"{part.file.name} up to a break: {part.broken} (`mcap recover` mends it)" for part in broken
         )
 
-    def messages(self, topics: Collection[str] | None) -> Iterator[tuple[Channel, int, bytes]]:
+    def messages(self, topics: Collection[str] | None) -> Iterator[Messages]:
         for part in self.parts:
             yield from part.messages(topics)
 
@@ -64,7 +64,7 @@ class _Rosbags:
         self.file = file
         self._channels: dict[str, Channel] = {}
 
-    def messages(self, topics: Collection[str] | None) -> Iterator[tuple[Channel, int, bytes]]:
+    def messages(self, topics: Collection[str] | None) -> Iterator[Messages]:
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
 
@@ -72,7 +72,7 @@ class _Rosbags:
             known = [c for c in reader.connections if topics is None or c.topic in topics]
             channels = {id(c): self._channel(c, reader) for c in known}
             for connection, recorded, raw in reader.messages(connections=known) if known else ():
-                yield channels[id(connection)], recorded, raw
+                yield channels[id(connection)], [recorded], [raw]
 
     def _channel(self, connection: Any, reader: Any) -> Channel:
         key = f"{connection.topic}\0{connection.id}\0{connection.msgtype}"
