@@ -24,8 +24,8 @@ from hovercontrol.commands.given import pairs
 from hovercontrol.logs import read_log
 begin, before = time.perf_counter(), time.process_time()
 log = read_log(sys.argv[1], pairs(sys.argv[2]), sys.argv[3].split())
-spent = time.perf_counter() - begin
-print(len(log), spent, time.process_time() - before, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20)
+spent, processor = time.perf_counter() - begin, time.process_time() - before
+print(len(log), spent, processor, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20)
 """
 
 
