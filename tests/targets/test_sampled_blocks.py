@@ -30,8 +30,10 @@ def by_hand(a=0.2, start=0.5):
     [
         lambda b, **k: hc.simulate(b, T, {"c": U}, **k),
         lambda b, **k: b.compile().simulate(T, {"c": U}, **k),
-        lambda b, **k: b.to_jax().simulate(T, {"c": U}, **k),
-        lambda b, **k: b.to_jax().simulate(T, {"c": U}, method="rk4", **k),
+        pytest.param(lambda b, **k: b.to_jax().simulate(T, {"c": U}, **k), marks=pytest.mark.slow),
+        pytest.param(
+            lambda b, **k: b.to_jax().simulate(T, {"c": U}, method="rk4", **k), marks=pytest.mark.slow
+        ),
     ],
     ids=["python", "c", "jax", "jax rk4"],
 )
@@ -46,6 +48,7 @@ def test_sweeps_take_no_step_and_agree():
         assert found.final[:, 0] == pytest.approx(wanted, abs=1e-14)
 
 
+@pytest.mark.slow
 def test_the_gradient_of_a_run_in_jax_is_that_of_the_map():
     jax = pytest.importorskip("jax")
     run = filter_block().to_jax().run_function(T, {"c": U})
