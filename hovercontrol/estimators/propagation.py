@@ -314,7 +314,13 @@ def steps_between(plant: Block, period: float, name: str, given: int | None = No
             raise InputError(
                 f"{name}: substeps: block {plant.name!r} is sampled and takes its own steps, found {given}"
             )
-        return whole_periods(f"{name}: period", period, plant.period)
+        count = whole_periods(f"{name}: period", period, plant.period)
+        if count > MOST_STEPS:
+            raise InputError(
+                f"{name}: period: {period:g} s are {count} steps of block {plant.name!r}, found more than "
+                f"{MOST_STEPS}: take its own period, and no sample in between (lost_samples, or NaN)"
+            )
+        return count
     if given is not None:
         if not 1 <= given <= MOST_STEPS:
             raise InputError(f"{name}: substeps: expected 1 to {MOST_STEPS}, found {shown(given)}")
