@@ -17,6 +17,7 @@ from hovercontrol.io.envelope import envelope
 from hovercontrol.io.figure_style import BLUE, GREEN, VERMILION
 from hovercontrol.io.percent import percent
 from hovercontrol.log_check.facts import Column, LogFacts
+from hovercontrol.logs import Log
 
 if TYPE_CHECKING:
     from hovercontrol.log_check.check import Checked
@@ -29,6 +30,9 @@ COLOURS = {"measured": MEASURED, "command": COMMAND, "other": "0.4"}
 #: Maximum number of columns drawn for one log.
 MOST_COLUMNS = 12
 
+#: Height of the paths [inch], maximum number of their points, and number of headings drawn.
+PATH, MOST_POINTS, HEADINGS = 3.6, 5000, 40
+
 
 def draw(checked: Checked) -> Figure:
     """Return the figure of a check, with one column of axes per log and the coefficients below."""
@@ -36,12 +40,14 @@ def draw(checked: Checked) -> Figure:
     rows = 1 + max(len(columns) for columns in shown)
     wide, many = len(checked.logs), len(checked.coefficients)
     below = 0.9 + 0.28 * many if many else 0.0
-    figure = Figure(figsize=(max(7.5, 5.6 * wide), 1.25 * rows + 0.8 + below), layout="constrained")
-    top: Figure | SubFigure = figure
-    bottom: SubFigure | None = None
-    if many:
-        parts: Any = figure.subfigures(2, 1, height_ratios=[1.25 * rows + 0.8, below])
-        top, bottom = parts
+    posed = [f for f in checked.logs if f.log.has("x", "y")]
+    heights = [1.25 * rows + 0.8, *([PATH] if posed else []), *([below] if many else [])]
+    figure = Figure(figsize=(max(7.5, 5.6 * wide), sum(heights)), layout="constrained")
+    parts: Any = figure.subfigures(len(heights), 1, height_ratios=heights, squeeze=False)[:, 0]
+    top: SubFigure = parts[0]
+    if posed:
+        for axis, facts in zip(parts[1].subplots(1, len(posed), squeeze=False)[0], posed, strict=True):
+            _path(axis, facts.log)
     axes = top.subplots(rows, wide, squeeze=False, sharex="col")
     for k, (facts, columns) in enumerate(zip(checked.logs, shown, strict=True)):
         for axis, column in zip(axes[:, k], columns, strict=False):
@@ -62,9 +68,27 @@ def draw(checked: Checked) -> Figure:
             handles |= dict(zip(*reversed(axis.get_legend_handles_labels()), strict=True))
     place: dict[str, Any] = {"loc": "outside lower center", "ncols": 3 * wide, "frameon": False}
     top.legend(list(handles.values()), list(handles), **place)
-    if bottom is not None:
-        _coefficients(bottom.subplots(), checked.coefficients)
+    if many:
+        _coefficients(parts[-1].subplots(), checked.coefficients)
     return figure
+
+
+def _path(axis: Axes, log: Log) -> None:
+    """Draw the path of a craft with its headings: in a wrong frame they do not fit the path."""
+    known = np.flatnonzero(np.isfinite(log.stack("x", "y")).all(axis=1))
+    drawn = known[:: max(1, known.size // MOST_POINTS)]
+    axis.plot(log["x"][drawn], log["y"][drawn], color=MEASURED, lw=0.8)
+    if log.has("psi") and known.size:
+        at = known[:: max(1, known.size // HEADINGS)]
+        psi = log["psi"][at]
+        axis.quiver(
+            log["x"][at], log["y"][at], np.cos(psi), np.sin(psi), color=COMMAND, width=0.004, scale=25
+        )
+    axis.set_aspect("equal", adjustable="datalim")
+    axis.set_xlabel("x [m]")
+    axis.set_ylabel("y [m]")
+    axis.set_title(f"{log.name}: path, and headings as arrows", fontsize="medium", loc="left")
+    axis.grid(alpha=0.3)
 
 
 def _drawn(columns: Sequence[Column]) -> list[Column]:

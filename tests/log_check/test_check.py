@@ -7,6 +7,7 @@ import sys
 import numpy as np
 import pytest
 import sympy as sp
+from matplotlib.quiver import Quiver
 
 import hovercontrol as hc
 from hovercontrol import cli, vehicle
@@ -130,6 +131,9 @@ def test_it_is_json_and_a_picture(checked, tmp_path):
     axes = [a for sub in checked.plot().subfigs for a in sub.axes]
     assert [a.get_ylabel() for a in axes[:3]] == ["x [m]", "y [m]", "psi [rad]"]
     assert axes[-1].get_xlabel().startswith("standard error")
+    path = next(a for a in axes if a.get_xlabel() == "x [m]")
+    (headings,) = (c for c in path.collections if isinstance(c, Quiver))
+    assert pytest.approx(1.0) == headings.U**2 + headings.V**2
 
 
 def test_the_command_prints_json_alone_and_reads_two_files(log, tmp_path, capsys, monkeypatch):

@@ -21,11 +21,15 @@ def gpx(file: Path) -> Table:
         If the file is damaged, or has no point with a time.
     """
     rows: list[dict[str, Any]] = []
+    said = "GPX track"
     with faults(file, "GPX"):
-        for _, item in ElementTree.iterparse(file, events=("end",)):
-            if item.tag.rpartition("}")[2] == "trkpt":
-                rows.append(_point(item))
-                item.clear()
+        try:
+            for _, item in ElementTree.iterparse(file, events=("end",)):
+                if item.tag.rpartition("}")[2] == "trkpt":
+                    rows.append(_point(item))
+                    item.clear()
+        except ElementTree.ParseError as error:  # the receiver lost its power
+            said = f"GPX track up to a break: {error}"
     rows = [row for row in rows if "time" in row]
     if not rows:
         raise InputError(f"{file}: a GPX file: expected points of a track with times, found none")
@@ -37,7 +41,7 @@ def gpx(file: Path) -> Table:
     units = {"time": "ns", "lat": "deg", "lon": "deg", "ele": "m"}
     return Table(
         file, "track", names, len(rows), lambda own: {n: columns[n] for n in own}, "time",
-        {name: unit for name, unit in units.items() if name in names}, "GPX track",
+        {name: unit for name, unit in units.items() if name in names}, said,
     )  # fmt: skip
 
 
