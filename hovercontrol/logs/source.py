@@ -139,6 +139,22 @@ FORMATS = (
 )  # fmt: skip
 
 
+#: Files that are no logs of these formats: first bytes and their place, what it is, what reads it.
+OTHERS = (
+    (b"PK\x03\x04", 0, "an archive (ZIP, or a workbook of Excel)", "unpack it, or save the sheet as CSV"),
+    (b"\xd0\xcf\x11\xe0", 0, "a workbook of an old Excel", "save the sheet as CSV"),
+    (b"\x1f\x8b", 0, "compressed by gzip", "unpack it with gunzip"),
+    (b"\x28\xb5\x2f\xfd", 0, "compressed by zstd", "unpack it with unzstd"),
+    (b"ARROW1", 0, "an Arrow file (Feather)", "pyarrow.feather reads it; write Parquet"),
+    (b"H Product:Blackbox", 0, "a log of Betaflight or INAV", "blackbox_decode converts it to CSV"),
+    (b".FIT", 8, "a FIT file", "fitdecode or Garmin's FitCSVTool convert it to CSV"),
+    (b"IFHD", 0, "an ADTF recording", "ADTF's tools export it as CSV or MDF"),
+    (b"%PDF", 0, "a PDF document", "export the data as CSV"),
+    (b"\x89PNG", 0, "a picture", "export the data as CSV"),
+    (b"\x7fELF", 0, "a program", "name its log instead"),
+)
+
+
 def open_log(file: Path) -> Source | Tables:
     """Open a file by its content, or else by its suffix.
 
@@ -186,7 +202,7 @@ def format_of(file: Path) -> Format:
     Raises
     ------
     InputError
-        If there is no such file, or its suffix shows that it is not a log.
+        If there is no such file, or its content or suffix shows that it is not a log.
     """
     bag = next(f for f in FORMATS if f.library == "rosbags")
     if file.is_dir() and ((file / "metadata.yaml").is_file() or any(file.glob("*.mcap"))):
@@ -197,6 +213,9 @@ def format_of(file: Path) -> Format:
         raise InputError(f"{file}: expected a log (CSV or Parquet), found a {suffix} file")
     with file.open("rb") as stream:
         start = stream.read(START)
+    for begin, at, what, reads in OTHERS:
+        if start.startswith(begin, at):
+            raise InputError(f"{file}: it seems to be {what}: {reads}")
     by_start = (f for f in FORMATS if f.begins(start))
     by_suffix = (f for f in FORMATS if suffix in f.suffixes)
     return next(by_start, None) or next(by_suffix, FORMATS[-1])

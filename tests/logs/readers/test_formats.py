@@ -177,3 +177,19 @@ def test_messages_without_a_length_are_refused(tmp_path: Path) -> None:
     file.write_bytes(raw)
     with pytest.raises(InputError, match=f"byte {at}: expected messages of over 3 bytes, found 0"):
         read_log(file, {"psi": "ATT/Yaw"}, motion=False)
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"PK\x03\x04" + bytes(60), "it seems to be an archive .*: unpack it, or save the sheet as CSV"),
+        (b"H Product:Blackbox flight data recorder\n", "a log of Betaflight or INAV: blackbox_decode"),
+        (b"\x0e\x20\x00\x00\x00\x00\x00\x00.FIT\x00\x00", "a FIT file: fitdecode"),
+        (b"ARROW1\x00\x00", "Feather.*: pyarrow.feather reads it"),
+        (b"\x1f\x8b\x08\x00", "compressed by gzip: unpack it with gunzip"),
+    ],
+)
+def test_a_file_that_no_reader_knows_is_named(tmp_path: Path, content: bytes, said: str) -> None:
+    (tmp_path / "a.csv").write_bytes(content)
+    with pytest.raises(InputError, match=rf"a\.csv: .*{said}"):
+        read_log(tmp_path / "a.csv")
