@@ -75,7 +75,7 @@ def build(
     """
     report = progress or (lambda part, what: None)
     channels = list(measured) if measured else channels_of(model, log)
-    period = period_of(log, channels)
+    period = model.period or period_of(log, channels)
     source = train if train is not None else first_part(log)
     report(0.0, "fitting the noise")
     if train is not None:

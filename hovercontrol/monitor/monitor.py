@@ -37,10 +37,14 @@ from hovercontrol.monitor.design import Design, estimation_model
 from hovercontrol.monitor.dispersion import dispersion_of, divided
 from hovercontrol.monitor.equations import monitor_block
 from hovercontrol.monitor.motion import motion_of
+from hovercontrol.monitor.pace import paced
 from hovercontrol.monitor.signatures import along_motion
 from hovercontrol.monitor.threshold import floors, threshold_for
 
 Array = NDArray[np.float64]
+
+#: Time without a sample after which a sensor is dead, and time until the tests begin [s] (:mod:`.pace`).
+DEAD_AFTER, SETTLE = 1.0, 2.0
 
 #: Length of the shortest window [s]; the windows' lengths grow by factors of 2.
 SHORTEST = 0.25
@@ -64,8 +68,8 @@ def monitor(
     coefficient_std: Mapping[str, float] | None = None,
     start_std: Mapping[str, float] | None = None,
     lost_samples: bool | Sequence[str] = False,
-    dead_after: float = 1.0,
-    settle: float = 2.0,
+    dead_after: float | None = None,
+    settle: float | None = None,
     repeats: bool = False,
     motion: Log | None = None,
     dispersion: bool = False,
@@ -109,10 +113,11 @@ def monitor(
         As for :func:`~hovercontrol.estimators.extended.extended_kalman`: inputs that say whether there is a
         sample.
     dead_after : float, optional
-        Time without a new sample after which a sensor is dead [s].
+        Time without a new sample after which a sensor is dead [s] (default: 1 s; of a machine that is not a
+        craft, at least 10 and at most 200 periods).
     settle : float, optional
         Time after the start and after a reset until the tests begin [s]: far from the true state, the
-        filter's linearisation does not hold.
+        filter's linearisation does not hold (default: 2 s, or 20 to 400 periods).
     repeats : bool, optional
         Whether a value equal to the one before is a new sample (a sensor of coarse resolution); by default it
         is not.
@@ -156,11 +161,15 @@ def monitor(
         positive(f"{name}: period", period),
         positive(f"{name}: false_alarms_per_hour", false_alarms_per_hour),
     )
+    craft = as_model(model)
+    dead_after, settle, shortest = (
+        paced(stated, tick, is_craft=craft.is_craft) if given is None else given
+        for given, stated in ((dead_after, DEAD_AFTER), (settle, SETTLE), (None, SHORTEST))
+    )
     for what, number in (("gust_seconds", gust_seconds), ("dead_after", dead_after), ("settle", settle)):
         positive(f"{name}: {what}", number)
     if dispersion and motion is None:
         raise InputError(f"{name}: dispersion=True needs a measured log as motion")
-    craft = as_model(model)
     plant = plant_of(craft, name, "monitor")
     measured = list(measurement_noise) if measured is None else measured
     known = estimation_model(
@@ -170,7 +179,7 @@ def monitor(
     if plant.period and tick != plant.period:
         raise InputError(f"{name}: period: expected that of the model, {plant.period:g} s, found {tick:g} s")
     steps = steps_between(plant, tick, name, substeps)
-    path = motion_of(plant, measured, tick, motion, name)
+    path = motion_of(plant, measured, tick, motion, name, is_craft=craft.is_craft)
     found = candidates_of(craft, candidates, measured, path.sizes, name, tick)
     design = Design(
         known,
@@ -179,7 +188,7 @@ def monitor(
         dead_after,
         repeats,
         WINDOWS,
-        max(1, round(SHORTEST / tick)),
+        max(1, round(shortest / tick)),
         steps,
         settle,
     )

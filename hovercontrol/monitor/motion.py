@@ -13,6 +13,7 @@ from hovercontrol.core.expressions import Expressions
 from hovercontrol.errors import InputError, shown
 from hovercontrol.logs.log import Log
 from hovercontrol.models.base import shown_by
+from hovercontrol.monitor.pace import paced
 from hovercontrol.simulation.sampled import Ticking, simulate_runs
 
 Array = NDArray[np.float64]
@@ -41,7 +42,15 @@ class Motion:
     sizes: dict[str, float]
 
 
-def motion_of(plant: Block, measured: Sequence[str], period: float, log: Log | None, name: str) -> Motion:
+def motion_of(
+    plant: Block,
+    measured: Sequence[str],
+    period: float,
+    log: Log | None,
+    name: str,
+    *,
+    is_craft: bool = True,
+) -> Motion:
     """Return the motion of a log, or a simulated one under random steps of the commands.
 
     Raises
@@ -50,7 +59,7 @@ def motion_of(plant: Block, measured: Sequence[str], period: float, log: Log | N
         If the log lacks a channel or is short, or the simulated motion is not finite.
     """
     return (
-        _simulated(plant, measured, period, name)
+        _simulated(plant, measured, period, name, is_craft)
         if log is None
         else _logged(plant, measured, period, log, name)
     )
@@ -85,9 +94,10 @@ def _logged(plant: Block, measured: Sequence[str], period: float, log: Log, name
     return Motion(y, np.stack(u, axis=1) if u else np.zeros((len(y), 0)), seen, sizes)
 
 
-def _simulated(plant: Block, measured: Sequence[str], period: float, name: str) -> Motion:
+def _simulated(plant: Block, measured: Sequence[str], period: float, name: str, is_craft: bool) -> Motion:
     rng = np.random.default_rng(1)
-    K, each = round(LENGTH / period), max(1, round(HOLD / period))
+    length, hold = (paced(seconds, period, is_craft=is_craft) for seconds in (LENGTH, HOLD))
+    K, each = round(length / period), max(1, round(hold / period))
     columns = []
     for s in plant.inputs:
         low, high = float(s.lower), float(s.upper)

@@ -24,8 +24,8 @@ from hovercontrol.logs.log import Log
 from hovercontrol.models.interface import as_model
 from hovercontrol.monitor.candidates import Craft
 
-#: Least process noise: this share of the observed acceleration, lasting :data:`LASTS` seconds. A model is
-#: hardly better known, and a filter without process noise takes every such error for a change.
+#: Least process noise: this share of the observed acceleration, lasting so many seconds, times the tempo. A
+#: model is hardly better known, and a filter without process noise takes every such error for a change.
 LEAST, LASTS = 0.01, 0.5
 
 #: Without a training log the noise is taken from the first part of the log: at most this long [s], and at
@@ -72,7 +72,7 @@ class NoiseLevels:
 def noise_of(fit: Fit, channels: Sequence[str]) -> NoiseLevels:
     """Return the noise levels of a fit."""
     density = fit.noise.process * np.sqrt(2.0 * fit.noise.seconds)
-    least = LEAST * fit.problem.accelerations * np.sqrt(2.0 * LASTS)
+    least = LEAST * fit.problem.accelerations * np.sqrt(2.0 * LASTS * fit.problem.tempo)
     sizes = (np.maximum(density, least) * np.sqrt(fit.problem.period or 1.0)).tolist()
     measured = dict(zip(fit.problem.rows.channels, fit.noise.measured.tolist(), strict=True))
     lacking = [c for c in channels if c not in measured]

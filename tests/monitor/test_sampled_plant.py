@@ -43,3 +43,23 @@ def test_the_change_is_named_with_its_size(change, size):
 def test_another_period_than_the_models_is_refused_in_one_line():
     with pytest.raises(InputError, match=r"period: expected that of the model, 0.05 s, found 0.1 s"):
         hc.monitor(cart(), ["k"], false_alarms_per_hour=0.1, period=0.1, **NOISE)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("slower", [1e-3, 1e5])
+def test_a_machine_of_another_time_has_as_many_ticks_until_its_tests_begin(slower):
+    v, u = hc.Signal("v", "m"), hc.Signal("u", "V")
+    d, k = hc.Signal("d", "1/s", start=2 / slower), hc.Signal("k", "m/s/V", start=4 / slower)
+    block = hc.Block("cart", [v], [u], [v], [d, k], {"v": k.symbol * u.symbol - d.symbol * v.symbol})
+    noise = {"process_noise": {"v": 0.01 / slower**0.5}, "measurement_noise": {"v": 0.01}}
+    watch = hc.monitor(block, ["k"], false_alarms_per_hour=0.1 / slower, period=0.05 * slower, **noise)
+    values = {s.name: s.start for s in watch.parameters}
+    for name in ("settle", "dead_after"):
+        assert 10 <= values[name] / (0.05 * slower) <= 400
+    rng, run, x, fade = np.random.default_rng(0), Ticking(watch), 0.0, np.exp(-0.1)
+    for n, command in enumerate(np.repeat(rng.uniform(-1, 1, 60), 20)):
+        found = run.tick(n * 0.05 * slower, {"v": x + 0.01 * rng.normal(), "u": command, "reset": 0.0})
+        x = fade * x + (1 - fade) * 2.0 * (0.7 if n >= 600 else 1.0) * command + 0.002 * rng.normal()
+        assert n >= 600 or not found["alarm"]
+    assert found["alarm"]
+    assert found["change"] * slower == pytest.approx(-1.2, rel=0.15)
