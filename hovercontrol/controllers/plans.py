@@ -32,6 +32,8 @@ Array = NDArray[np.float64]
 LINE = 0.5 ** np.arange(1, 6)
 
 
+#: Number of constants that are tried at each sample after the first, in turn.
+LATER = 8
 #: Lengths of the constants, as fractions of the horizon: of one period at least.
 LENGTHS = np.array([1.0, 0.25, 0.0])
 
@@ -60,7 +62,7 @@ class Sample(NamedTuple):
     Parameters
     ----------
     number : int
-        Constants of all sizes and lengths are tried at sample 0, later of one size and length at each.
+        All constants are tried at sample 0, later some at each.
     x : ndarray, shape (n_states,)
     before : ndarray, shape (n_inputs,)
         The input before.
@@ -175,11 +177,11 @@ class Planner:
         first = np.arange(N) < np.maximum(1, np.ceil(LENGTHS * N))[:, None]
         # shape (n_lengths, n_sizes, n_directions, N, n_inputs)
         moved = first[:, None, None, :, None] & (self._directions != 0.0)[:, None]
-        plans = np.where(moved, levels[..., None, :], last)
-        if sample:
-            chosen: Array = plans.reshape(-1, *plans.shape[2:])[sample % (plans.shape[0] * plans.shape[1])]
-            return chosen[None]
-        return plans.reshape(len(LENGTHS), -1, *last.shape)
+        plans = np.where(moved, levels[..., None, :], last).reshape(len(LENGTHS), -1, *last.shape)
+        if not sample:
+            return plans
+        every = plans.reshape(1, -1, *last.shape)
+        return every[:, (sample * LATER + np.arange(LATER)) % every.shape[1]]
 
     def _limited(self, plans: Array, before: Array) -> Array:
         """Return plans within the bounds of the inputs and of their rates."""

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-#: Fractions of the largest input; each value between is within a factor 2 of one of them.
-SIZES: Array = 0.25 ** np.arange(5.0)
+#: Fractions of the largest input, a factor 2 apart.
+SIZES: Array = 0.5 ** np.arange(9.0)
 #: Up to this number of inputs all are moved together, with more of them one or two at a time.
 TOGETHER = 3
 

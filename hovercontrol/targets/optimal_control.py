@@ -21,7 +21,7 @@ from scipy.optimize import LinearConstraint, NonlinearConstraint
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.core.caller import caller_level
-from hovercontrol.core.constant_inputs import constant_inputs
+from hovercontrol.core.constant_inputs import SIZES, constant_inputs
 from hovercontrol.core.expressions import Expressions
 from hovercontrol.core.singular import finite_jacobian
 from hovercontrol.core.switching import switching_conditions
@@ -249,7 +249,8 @@ class GradientProblem(optimal.OptimalControlProblem):
                     j = int(np.flatnonzero(row[n:])[0])
                     a, b = sorted((a / row[n + j], b / row[n + j]))
                     low[j], high[j] = max(low[j], a), min(high[j], b)
-        return constant_inputs(low, high, np.array([s.nominal for s in signals])).reshape(-1, len(signals))
+        nominal = np.array([s.nominal for s in signals])
+        return constant_inputs(low, high, nominal, sizes=SIZES[::2]).reshape(-1, len(signals))
 
     # ---- dx/dc and du/dc of the coefficients c -------------------------------------------------------------
 
