@@ -165,7 +165,7 @@ def pages(into: Path) -> tuple[str, str]:
     rows = [
         (
             "[Logs](formats/log.md)",
-            "CSV, Parquet, and logs of ROS, PX4, ArduPilot, MATLAB, MDF, Motive, Vicon",
+            "CSV, Parquet, and logs of ROS, PX4, ArduPilot, MAVLink, MATLAB, MDF, LabVIEW, CAN, GNSS, motion capture",
         )
     ]
     rows += [("[Parameter files](formats/parameters.md)", "TOML: what a fit found of a Block of your own")]

@@ -51,7 +51,8 @@ def check_finite(file: str, source: Source, column: str, values: Floats) -> None
 def check_size(file: str, source: Source, column: str, values: Floats) -> None:
     """Raise if a value is infinite or huge, or all are missing; ``column`` is its name in the file."""
     if values.size and np.isnan(values).all():
-        raise InputError(f"{file}: column {column!r} is empty: NaN in all {values.size} rows")
+        how = f" (read with {source.said})" if source.said else ""
+        raise InputError(f"{file}: column {column!r} is empty: NaN in all {values.size} rows{how}")
     _refuse(file, source, column, values, np.abs(values) > PLAUSIBLE.value)
 
 

@@ -54,6 +54,13 @@ def test_a_label_of_a_scaled_signal_is_a_number_or_missing(tmp_path, label, raw,
     assert any(repr(label) in note for note in log.notes)
 
 
+def test_a_signal_that_is_never_available_is_empty(tmp_path) -> None:
+    pytest.importorskip("asammdf")
+    file = mdf_of(tmp_path / "a.mf4", can_signal("u", 65535 + 0 * TIME, {65535: "SNA"}, 0.01, "m/s"))
+    with pytest.raises(InputError, match=r"column 'u' is empty: .*labels of u: 'SNA' is missing in 200 rows"):
+        read_log(file, {"u": "u"})
+
+
 def test_a_list_of_states_keeps_its_raw_values_and_numbers_in_labels(tmp_path) -> None:
     pytest.importorskip("asammdf")
     states = np.arange(200) % 3
