@@ -40,8 +40,7 @@ def _command() -> object:
     try:
         return app(prog_name="hovercontrol", standalone_mode=False)
     except typer.TyperException as error:
-        text = error.format_message()
-        return endings.refuse(text) if text else endings.DONE  # no arguments at all: the help was printed
+        return endings.refuse(error.format_message())
     except typer.Abort:
         raise KeyboardInterrupt from None
 

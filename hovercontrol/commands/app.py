@@ -29,8 +29,8 @@ app = typer.Typer(
     name="hovercontrol",
     help="Model-based control of hovercraft: simulate, identify, diagnose, export, analyze.",
     epilog=STATUSES,
-    no_args_is_help=True,
     add_completion=False,
+    rich_markup_mode=None,  # rich takes as long to import as all else
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
@@ -38,6 +38,7 @@ app = typer.Typer(
 
 @app.callback(invoke_without_command=True)
 def _root(
+    context: typer.Context,
     version: Annotated[bool, typer.Option("--version", help="Print the version and exit.")] = False,
     install_completion: completion.Install = None,
     show_completion: completion.Show = None,
@@ -47,6 +48,8 @@ def _root(
 
         print(__version__)
         raise typer.Exit
+    if context.invoked_subcommand is None:
+        print(context.get_help())
 
 
 def _paragraphs(text: str) -> str:
@@ -69,4 +72,5 @@ for command, example in (
     (schema.schema, schema.EXAMPLE),
 ):
     about = _paragraphs(command.__doc__ or "")
-    app.command(cls=OnceCommand, epilog=example, help=about)(told_apart(command))
+    first = about.partition("\n\n")[0]  # else its beginning is shown, cut to the line
+    app.command(cls=OnceCommand, epilog=example, help=about, short_help=first)(told_apart(command))

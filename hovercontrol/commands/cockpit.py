@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import secrets
 import sys
 import tempfile
@@ -69,6 +68,8 @@ def cockpit(
         if error.name != "aiohttp":
             raise
         raise InputError("cockpit: needs aiohttp: pip install 'hovercontrol[cockpit]'") from None
+    import asyncio
+
     from hovercontrol.cockpit.loops import loop_of
     from hovercontrol.cockpit.pacer import Pacer
     from hovercontrol.cockpit.real_loop import flies_real

@@ -7,8 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.console import Console
-from rich.table import Table
 
 from hovercontrol.commands import given, names
 from hovercontrol.commands.given import Out
@@ -206,6 +204,9 @@ def _show_clipped(run: Run) -> None:
 def _show_metrics(run: Run) -> None:
     if not run.scenario.metrics:
         return
+    from rich.console import Console
+    from rich.table import Table
+
     table = Table(title=f"{run.scenario.title} ({run.scenario.source})", title_justify="left")
     for heading in ("figure", "window", "measured", "expected", "the paper says"):
         table.add_column(heading)
