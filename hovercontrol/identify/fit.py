@@ -10,19 +10,22 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import overload
 
 import numpy as np
+from scipy import stats
 from threadpoolctl import threadpool_limits
 
 from hovercontrol.core.arguments import at_least
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
+from hovercontrol.discrepancy.criteria import CRITERIA
 from hovercontrol.discrepancy.search.base import base_fit, likelier_start
 from hovercontrol.errors import InputError
 from hovercontrol.estimation.data import Data, gather
 from hovercontrol.estimation.excitation import Excitation
-from hovercontrol.estimation.fit import Fit
+from hovercontrol.estimation.fit import Fit, refit
 from hovercontrol.estimation.measure import MOST_ROWS, Measured, angles, measure, refuse_still
 from hovercontrol.estimation.noise import averaging_time
 from hovercontrol.estimation.subject import named
@@ -213,9 +216,25 @@ def _fitted(
         report(0.7 * (1 - 1 / (1 + passes[0] / 8)), "fitting")
 
     try:
-        return likelier_start(base_fit(subject, data, names, passed), passed)
+        return _without_noise(likelier_start(base_fit(subject, data, names, passed), passed), passed)
     except FloatingPointError as error:
         raise InputError(f"{model.name!r}: {error}: try other start values") from error
+
+
+def _without_noise(fit: Fit, passed: Callable[[str], None]) -> Fit:
+    """Return the fit without process noise if all of it is negligible and not significant.
+
+    At the bound 0 of one noise level twice the log likelihood ratio is half a chi-squared (Self and Liang,
+    JASA 82 (1987)); the level is 5 %.
+    """
+    if not np.any(fit.noise.process) or np.any(CRITERIA.left(fit)):
+        return fit
+    none = replace(fit.noise, process=np.zeros_like(fit.noise.process))
+    try:
+        found = refit(fit, fit.problem, fit.prior, noise=none, trace=passed)
+    except FloatingPointError:
+        return fit
+    return found if found.cost - fit.cost < stats.chi2.isf(0.1, 1) else fit
 
 
 def _identified(
@@ -273,11 +292,13 @@ def _kept(fit: Fit, fixed: Sequence[str]) -> tuple[Fitted, ...]:
     """Return the coefficients that the fit did not estimate, each with the reason."""
     problem = fit.problem
     free = problem.model.free_coefficients()
+    shapes = {e.parameter(k) for e in problem.model.effects for k in e.numbers}
     found = []
     for name, value in problem.model.coefficients().items():
         if name in problem.names or name in problem.same:
             continue
         why = "by you" if name in fixed or name in free else "shape of an effect: fitted if named"
+        why = why if name in free or name in shapes else "the sampling period"
         unit = problem.block.parameter(name).unit
         found.append(Fitted(name.rpartition(".")[2], value, 0.0, unit, value, kept=why))
     return tuple(found)

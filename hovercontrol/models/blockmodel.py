@@ -212,7 +212,10 @@ class BlockModel(EffectModel):
         return (*own, *self._linear_in_effects())
 
     def free_coefficients(self) -> tuple[str, ...]:
-        """Return the Block's parameters, linear or not, and the effects' linear coefficients."""
+        """Return the Block's parameters, linear or not, and the effects' linear coefficients.
+
+        A parameter that is the sampling period is not among them.
+        """
         own = (name for name, p in self._parameters.items() if not is_period(self.block, p))
         return (*own, *self._linear_in_effects())
 

@@ -55,15 +55,13 @@ def refuse_gains(base: Fit) -> None:
         about its opposite: its column is in another unit or of opposite sign.
     """
     problem, std = base.problem, np.sqrt(np.diag(base.covariance))
-    linear = [
-        problem.names.index(name) for name in problem.model.linear_coefficients() if name in problem.names
-    ]
-    if not any(_is_far(base.p[j], problem.start[j], std[j]) for j in linear):
+    own = [problem.names.index(n) for n in problem.model.free_coefficients() if n in problem.names]
+    if not any(_is_far(base.p[j], problem.start[j], std[j]) for j in own):
         return
     S = base.S.sum(axis=0)
-    beside = {j: inputs_beside(problem.block, problem.block.parameter(problem.names[j]).name) for j in linear}
+    beside = {j: inputs_beside(problem.block, problem.block.parameter(problem.names[j]).name) for j in own}
     # effect of a coefficient on the whitened residual: S_jj^(1/2) |given value|
-    does = {j: float(np.sqrt(S[j, j]) * abs(problem.start[j])) for j in linear if beside[j]}
+    does = {j: float(np.sqrt(S[j, j]) * abs(problem.start[j])) for j in own if beside[j]}
     main = [j for j, much in does.items() if much > INPUT_GAIN.slight * max(does.values())]
     far = {j: beside[j] for j in main if _is_far(base.p[j], problem.start[j], std[j])}
     if not far:
