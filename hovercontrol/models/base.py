@@ -46,6 +46,10 @@ class EffectModel(ABC):
         """Sampling period of a model that holds next values [s]; 0 for a continuous one."""
         return 0.0
 
+    def periods(self) -> tuple[str, ...]:
+        """Return the names of the parameters that are the sampling period; they are known."""
+        return ()
+
     @property
     def pushed(self) -> tuple[str, ...]:
         """States whose equations an effect may extend though no effect of the model acts there yet."""

@@ -135,6 +135,10 @@ class BlockModel(EffectModel):
         """Sampling period of a Block that holds next values [s]; 0 for a continuous one."""
         return self.block.period
 
+    def periods(self) -> tuple[str, ...]:
+        """Return the names of the parameters that are the sampling period; they are known."""
+        return tuple(name for name, p in self._parameters.items() if is_period(self.block, p))
+
     @property
     def motion(self) -> tuple[str, ...]:
         """The Block's own states."""
@@ -206,9 +210,8 @@ class BlockModel(EffectModel):
     def linear_coefficients(self) -> tuple[str, ...]:
         """Return the names of the coefficients in which the plant is linear, the Block's and the effects'."""
         linear = linear_parameters(self.block)
-        own = tuple(
-            name for name, p in self._parameters.items() if p.name in linear and not is_period(self.block, p)
-        )
+        known = self.periods()
+        own = (name for name, p in self._parameters.items() if p.name in linear and name not in known)
         return (*own, *self._linear_in_effects())
 
     def free_coefficients(self) -> tuple[str, ...]:
@@ -216,8 +219,8 @@ class BlockModel(EffectModel):
 
         A parameter that is the sampling period is not among them.
         """
-        own = (name for name, p in self._parameters.items() if not is_period(self.block, p))
-        return (*own, *self._linear_in_effects())
+        known = self.periods()
+        return (*(name for name in self._parameters if name not in known), *self._linear_in_effects())
 
     def sign_keeping(self) -> frozenset[str]:
         """Return the Block's parameters that are not zero, by their bounds or for the equations."""

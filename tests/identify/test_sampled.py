@@ -77,7 +77,8 @@ def test_without_process_noise_the_fit_is_least_squares_on_the_output_error(ever
 def test_a_dropped_row_is_a_tick_without_measurement_and_the_period_is_known():
     keep = np.flatnonzero(np.random.default_rng(2).random(1200) > 0.2)
     found = hc.identify(cart(), [log_of(commands(1200, 3), keep=keep)])
-    assert [c.name for c in found.coefficients] == ["d", "k"]  # h is the period
+    assert [c.name for c in found.coefficients] == ["d", "k"]
+    assert [(c.name, c.value, c.kept) for c in found.kept] == [("h", T, "the sampling period")]
     for c in found.coefficients:
         assert abs(c.value - TRUTH[c.name]) < 4.0 * c.std < 0.01 * c.value
 
@@ -111,6 +112,11 @@ def test_rows_that_are_no_ticks_are_refused_in_one_line():
             InputError, match=f"whole periods of the model apart, 0.05 s, found {times * T:g} s"
         ):
             hc.identify(cart(), [other])
+
+
+def test_the_period_is_not_fitted_by_name_either():
+    with pytest.raises(InputError, match=r"coefficient 'h' is the period of 'cart', 0.05 s: it is known"):
+        hc.identify(cart(), [log_of(commands(200, 3))], ["h", "d"])
 
 
 @pytest.mark.parametrize("hidden", ["nothing", "delay", "dead zone"])
