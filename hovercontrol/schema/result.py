@@ -70,13 +70,23 @@ class NamedEffect(TypedDict):
 
 
 class Coefficient(TypedDict):
-    """A coefficient of the amended model, fitted again."""
+    """A coefficient of the amended model, fitted again or kept."""
 
     name: str
     value: float
     std: Annotated[float | None, "standard error"]
     unit: str
     start: Annotated[float | None, "as the given model has it; null for a number of an added effect"]
+    kept: Annotated[str, "why it was kept; empty if it was estimated"]
+
+
+class Group(TypedDict):
+    """A product or sum of coefficients that the logs determine, though no single member."""
+
+    name: Annotated[str, "such as k/m"]
+    value: float
+    std: float
+    unit: str
 
 
 class Rival(TypedDict):
@@ -182,7 +192,8 @@ class Result(TypedDict):
 
     verdict: Verdict
     effects: list[NamedEffect]
-    coefficients: Annotated[list[Coefficient], "of the amended model: all that were fitted"]
+    coefficients: Annotated[list[Coefficient], "of the amended model, fitted or kept"]
+    groups: Annotated[list[Group], "what the logs show only together"]
     rivals: list[Rival]
     gap: Gap
     remainder: Annotated[dict[str, Remainder], "by equation"]
