@@ -160,7 +160,10 @@ def _diagnosed(
     warnings = [*left_out(model, names), *check_logs(model, logs, holdout)]
     data = gather(model, logs)
     report(0.05, "fitting the model as it is")
-    base = base_fit(model, data, [name for name in unknowns(model) if name not in fixed])
+    try:
+        base = base_fit(model, data, [name for name in unknowns(model) if name not in fixed])
+    except FloatingPointError as error:
+        raise InputError(f"{model.name!r}: {error}: try other start values") from error
     warnings += check_fitted(base)
     done = [0]
 

@@ -287,7 +287,7 @@ class _Iteration:
         self.problem = controlled(self.problem, path, p)
         now = tried_pass(self.problem, self.noise, self.prior, p, path, self.frozen)
         if now is None:
-            raise FloatingPointError("the model runs away from the first row on")
+            raise FloatingPointError("the model diverges, or its equations are not defined along the logs")
         self._come_to(now)
 
     def onward(self, judged: Problem | None = None) -> None:

@@ -104,3 +104,15 @@ def test_check_says_what_a_fit_could_estimate_together():
     said = hc.check(block, [log])
     assert [g.name for g in said.groups] == ["k/m"] and "k/m" in said.text() and not said.errors
     assert not hc.check(block, [log], fixed=["k"]).groups
+
+
+def test_equations_that_are_not_defined_along_the_logs_are_said_in_one_line():
+    """A tank that runs empty: its measured level is below zero, and so is the argument of the root."""
+    h, q = hc.Signal("h", "m"), hc.Signal("q", "m/s")
+    a = hc.Signal("a", "m^(1/2)/s", start=0.1)
+    tank = hc.Block("tank", [h], [q], [h], [a], {"h": q.symbol - a.symbol * h.symbol**0.5})
+    noise = 0.01 * np.random.default_rng(0).normal(size=400)
+    log = hc.Log("log", 0.1 * np.arange(400), {"h": noise, "q": held(5, 400, 40, 0.0, 1e-3)})
+    for call in (hc.identify, hc.diagnose):
+        with pytest.raises(InputError, match=r"'tank'.* not defined along the logs"):
+            call(tank, [log])
