@@ -45,17 +45,12 @@ class ExcitationCriteria:
     anywhere : float
         Factor on the standard deviation of the first values of hidden states, which would otherwise say how
         large these states are.
-    growth : float
-        Growth of a state from row to row above which sub-steps are too long for friction at rest. An explicit
-        step h along a slope s is unstable for h s > 2.8 (Hairer and Wanner, Solving ODEs II, IV.2); the
-        states of an unstable craft grow only by a few per cent.
     """
 
     named: float = 0.1
     resting: float = 3.0
     no_information: float = 1e5
     anywhere: float = 30.0
-    growth: float = 2.0
 
 
 #: The values in use.
@@ -75,10 +70,11 @@ def information(fit: Fit) -> Array:
     std = np.sqrt(np.maximum(np.diagonal(fit.covariance_of_path, axis1=2, axis2=3)[..., :n], 0.0))
     free = path[..., list(fit.problem.free)]
     path[..., list(fit.problem.free)] = np.where(np.abs(free) < EXCITATION.resting * std, 0.0, free)
+    path = fit.problem.rows.joined(path)
     problem = controlled(fit.problem, path, fit.p, deviations(fit.problem, fit.covariance_of_path))
     linear = problem.linearise(path, fit.p)
     linear = replace(linear, start=np.where(problem.hidden, EXCITATION.anywhere, 1.0) * linear.start)
-    if np.abs(np.diagonal(linear.A, axis1=2, axis2=3)).max() < EXCITATION.growth:
+    if linear.resolved:
         S = products(run_filter(augment(problem, linear, fit.noise)).white)[:, 1:, 1:].sum(axis=0)
     else:
         S = fit.S.sum(axis=0)
@@ -105,15 +101,16 @@ def covariance(S: Array, size: Array, widen: Array) -> Array:
 
 
 def widening(fit: Fit) -> Array:
-    """Return the factors by which the scatter between blocks widens the standard errors, shape (P,).
+    """Return the factors by which standard errors exceed those of a filter with known gains, shape (P,).
 
-    See :attr:`Fit.covariance <hovercontrol.estimation.fit.Fit.covariance>`.
+    Its gains depend on the unknowns and on noise levels that are estimated with them (:mod:`.scoring`), and
+    blocks scatter (:attr:`Fit.covariance <hovercontrol.estimation.fit.Fit.covariance>`).
     """
-    # k_i = sqrt(max(widened variance / variance from noise alone, 1))
-    plain = inverse(fit.S.sum(axis=0) + np.diag(fit.prior.precision))
-    slope = fit.problem.slope(fit.p)
-    wide = np.diag(fit.covariance) / np.maximum(np.diag(plain) * slope**2, 1e-300)
-    return np.sqrt(np.maximum(wide, 1.0))
+    # k_i = sqrt(variance / variance with gains fixed), both with the prior
+    problem = fit.problem
+    bare = products(run_filter(augment(problem, fit.linear, fit.noise)).white)[:, 1:, 1:].sum(axis=0)
+    plain = np.diag(inverse(bare + np.diag(fit.prior.precision))) * problem.slope(fit.p) ** 2
+    return np.sqrt(np.maximum(np.diag(fit.covariance), 0.0) / np.maximum(plain, 1e-300))
 
 
 def scatter(fit: Fit, S: Array, size: Array, own: Sequence[int]) -> Array:

@@ -16,11 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.estimation.damping import Damping, Relaxation
+from hovercontrol.estimation.kalman import run_filter, run_smoother
 from hovercontrol.estimation.noise import ONWARD, Noise, moved, timed
 from hovercontrol.estimation.outliers import OUTLIERS, outliers
-from hovercontrol.estimation.passes import Pass, alone, costs_of, inverse, residuals, tried_pass
+from hovercontrol.estimation.passes import Pass, alone, costs_of, inverse, newton, residuals, tried_pass
 from hovercontrol.estimation.prior import Prior
 from hovercontrol.estimation.problem import Linear, Problem
+from hovercontrol.estimation.scoring import EXCESS, NO_LEVELS, Levels, excess, of_unknowns, scores
 from hovercontrol.estimation.step_control import controlled, deviations
 
 Array = NDArray[np.float64]
@@ -87,6 +89,8 @@ SHORTEST, TINIEST = 0.05, 1e-6
 
 #: Fraction of the observed acceleration as which the process noise begins where a state has no guess.
 HIDDEN = 1e-4
+#: Maximum number of scoring steps, and shortest fraction of one that is tried.
+SCORED, LEAST_SCORED = 8, 0.1
 
 #: Passes of a refit before the noise levels are updated.
 HOLD = 2
@@ -232,7 +236,7 @@ def estimate(
         If the model diverges, so that no path follows the logs.
     """
     start = problem.start.copy() if p is None else problem.outside(problem.inside(p))
-    run = _Iteration(problem, prior, noise.of(problem), frozen, times, most, hold, trace)
+    run = _Iteration(problem, prior.first, noise.of(problem), frozen, times, most, hold, trace)
     if path is None and problem.unguessed and not frozen:
         # Noise would take the place of a state that only the model tells: first the equations are believed.
         quiet = replace(run.noise, process=HIDDEN * run.noise.process)
@@ -249,6 +253,7 @@ def estimate(
             break
         run.most, run.hold = run.k + AGAIN, 0
         converged = run.settled(levels)
+    run.scored(prior, levels)
     return run.fit(converged)
 
 
@@ -281,6 +286,7 @@ class _Iteration:
     relaxation: Relaxation = field(default_factory=Relaxation)
     of_levels: Damping = field(default_factory=lambda: Damping(most=ONWARD))
     now: Pass = field(init=False)
+    normal: tuple[Array, Array] | None = None
 
     def first(self, p: Array, path: Array) -> None:
         """Make the first pass."""
@@ -299,6 +305,7 @@ class _Iteration:
         """
         if judged is not None:
             self.problem, self.before, self.least, self.rise = judged, np.inf, np.inf, np.inf
+            self.of_levels = Damping(most=ONWARD)  # other samples have another level
         now, problem, self.k = self.now, self.problem, self.k + 1
         squares, cost = now.squares + self.rise, now.cost + self.rise
         if judged is None and math.isinf(self.rise) and problem.unguessed:  # under the new noise levels
@@ -316,7 +323,8 @@ class _Iteration:
 
         def behind(part: float) -> Pass | None:
             p, path = problem.outside(here + part * step), there + part * along
-            self.problem = controlled(problem, path, p, std)
+            with np.errstate(all="ignore"):  # a step may lead to where the model diverges
+                self.problem = controlled(problem, path, p, std)
             return tried_pass(self.problem, self.noise, self.prior, p, path, self.frozen)
 
         def rises(there: Pass | None) -> bool:
@@ -373,15 +381,75 @@ class _Iteration:
             self._moving()
         return self._still(1 if levels else 0)
 
+    def scored(self, prior: Prior, levels: bool) -> None:
+        """Move unknowns and noise levels together to the optimum (:mod:`.scoring`), under the given prior.
+
+        Where the likelihood claims more information than the states would give if they were known, the model
+        is not linear within their uncertainty (dry friction at rest). Then the passes have the last word.
+        """
+        before = self.problem, self.noise, self.now, self.prior
+        self._believe(prior)
+        for k in range(SCORED + 1 if len(self.now.p) and not self.frozen else 0):
+            problem, noise, now = self.problem, self.noise, self.now
+            free = Levels.of(problem, noise, self.times) if levels else NO_LEVELS
+            known = now.S.sum(axis=0)
+            try:
+                S, g = scores(problem, noise, now.p, now.path, free, np.diag(known))
+            except np.linalg.LinAlgError:
+                S = g = np.full((1, 1, 1), np.inf)
+            normal = of_unknowns(S, g, len(now.p)) if np.isfinite(S).all() else None
+            if normal is None or excess(normal[0].sum(axis=0), known, prior.precision) > EXCESS:
+                self.problem, self.noise, self.now, self.prior = before
+                self.normal = None
+                return
+            self.normal = normal
+            step, predicted = newton(problem, self.prior, now.p, S, g)
+            if self.trace:
+                self.trace(f"  scoring {k}: {now.cost:.2f} predicted {predicted:.3f}")
+            if predicted < CONVERGENCE.reached or k == SCORED or not self._steps_on(free, step):
+                return
+
+    def _believe(self, prior: Prior) -> None:
+        """Continue under another prior."""
+        z = self.problem.inside(self.now.p)
+        more = prior.cost(z) - self.prior.cost(z)
+        self.now = replace(self.now, cost=self.now.cost + more, squares=self.now.squares + more)
+        self.prior = prior
+
+    def _steps_on(self, free: Levels, step: Array) -> bool:
+        """Take the largest fraction of a scoring step that lowers the cost; return whether there is one."""
+        now, noise, problem, part = self.now, self.noise, self.problem, 1.0
+        count = len(now.p)
+        smooth = run_smoother(
+            now.system, run_filter(now.system, keep=True), np.concatenate([[1.0], step[:count]])
+        )
+        along = np.zeros_like(now.path)
+        along[..., list(problem.free)] = smooth.state[..., : len(problem.free)]
+        std = deviations(problem, smooth.covariance)
+        while part > LEAST_SCORED:
+            p = problem.outside(problem.inside(now.p) + part * step[:count])
+            path = now.path + part * along
+            other = free.moved(problem, noise, part * step[count:])
+            with np.errstate(all="ignore"):  # a step may lead to where the model diverges
+                finer = controlled(problem, path, p, std)
+            found = tried_pass(finer, other, self.prior, p, path, self.frozen)
+            if found and found.cost < now.cost:
+                self.problem, self.noise, self.k = finer, other, self.k + 1
+                self._come_to(found)
+                return True
+            part *= 0.5
+        return False
+
     def fit(self, converged: bool) -> Fit:
         """Return the result."""
+        S, g = self.normal or (self.now.S, self.now.g)
         problem, now, smooth = self.problem, self.now, self.now.smooth
         n, rows = len(problem.free), problem.rows
         end = n + len(problem.driven)
         drift = (now.system.H[..., end:] @ smooth.state[..., end:, None])[..., 0]
         return Fit(
             problem, now.p, now.path, self.noise, self.prior, now.linear, now.cost,
-            rows.by_block(now.block_costs), rows.by_block(now.S), rows.by_block(now.g),
+            rows.by_block(now.block_costs), rows.by_block(S), rows.by_block(g),
             smooth.state[..., n:end], drift, smooth.covariance, residuals(problem, now), converged,
         )  # fmt: skip
 

@@ -1,4 +1,4 @@
-/* The filter and the smoother of kalman.py, block by block; sizes.h defines the numbers of states (N) and channels (C).
+/* The filter and the smoother of kalman.py, chain by chain; sizes.h defines the numbers of states (N) and channels (C).
  *
  * Channels are processed one after the other, which is equivalent to whitening by the Cholesky factor of their
  * covariance.
@@ -21,14 +21,14 @@ typedef double row[PAD];
 
 /* Arrays of System, Filtered and Smoothed; `half` to `Z` may be NULL in a filter run. */
 typedef struct {
-    long rows, blocks, columns;
+    long rows, stretches, columns;
     const double *A, *Q, *drive, *H, *R, *seen, *P0;
     double *white, *log_det, *half, *back, *P, *Z;
     const double *weights;
     double *state, *covariance, *push, *information;
 } kalman;
 
-static void measure(const kalman *s, size_t at, row *P, double *Z, double *log_det, int *bad)
+static void measure(const kalman *s, size_t at, row *P, double *Z, int *bad)
 {
     const long m = s->columns;
     double halves[C][N], backs[C][N];
@@ -47,7 +47,7 @@ static void measure(const kalman *s, size_t at, row *P, double *Z, double *log_d
             return;
         }
         root = sqrt(F);
-        *log_det += log(F);
+        s->log_det[at * C + c] = log(F);
         memcpy(white, seen, (size_t)m * sizeof *white);
         for (int i = 0; i < N; i++)
             if (h[i] != 0.0)
@@ -122,28 +122,26 @@ static void predict(const kalman *s, size_t at, row *P, double *Z, double *ahead
             P[i][j] = P[j][i] = 0.5 * (P[i][j] + P[j][i] + Q[i * N + j] + Q[j * N + i]);
 }
 
-/* Filter blocks from `from` to before `to`; 1: a covariance is not positive, 2: no memory. */
+/* Filter a chain of stretches, each of which begins where the one before ends; 1: a covariance is not positive, 2: no memory. */
 EXPORT int kalman_filter(const kalman *s, long from, long to)
 {
     const long m = s->columns;
-    double *Z = malloc((size_t)(2 * N * m + 1) * sizeof *Z);
+    double *Z = calloc((size_t)(2 * N * m + 1), sizeof *Z);
+    row P[N] = {{0}};
     int bad = 0;
     if (!Z)
         return 2;
+    for (int i = 0; i < N; i++)
+        memcpy(P[i], s->P0 + ((size_t)from * N + (size_t)i) * N, N * sizeof(double));
     for (long w = from; w < to && !bad; w++) {
-        row P[N] = {{0}};
-        memset(Z, 0, (size_t)(N * m) * sizeof *Z);
-        for (int i = 0; i < N; i++)
-            memcpy(P[i], s->P0 + ((size_t)w * N + (size_t)i) * N, N * sizeof(double));
-        s->log_det[w] = 0.0;
         for (long k = 0; k < s->rows && !bad; k++) {
-            const size_t at = (size_t)(k * s->blocks + w);
+            const size_t at = (size_t)(k * s->stretches + w);
             if (s->half) {
                 for (int i = 0; i < N; i++)
                     memcpy(s->P + (at * N + (size_t)i) * N, P[i], N * sizeof(double));
                 memcpy(s->Z + at * N * (size_t)m, Z, (size_t)(N * m) * sizeof *Z);
             }
-            measure(s, at, P, Z, &s->log_det[w], &bad);
+            measure(s, at, P, Z, &bad);
             if (k < s->rows - 1 && !bad)
                 predict(s, at, P, Z, Z + N * m);
         }
@@ -209,16 +207,16 @@ static void take_in(const double *half, const double *back, const double *e, dou
         }
 }
 
-/* Smooth blocks from `from` to before `to`, after a filter run that stored all arrays. */
+/* Smooth a chain of stretches after a filter run that stored all arrays. */
 EXPORT int kalman_smoother(const kalman *s, long from, long to)
 {
     const long m = s->columns;
-    for (long w = from; w < to; w++) {
+    double r[N] = {0};
+    row X[N] = {{0}};
+    for (long w = to - 1; w >= from; w--) {
         const double *weights = s->weights + w * m;
-        double r[N] = {0};
-        row X[N] = {{0}};
         for (long k = s->rows - 1; k >= 0; k--) {
-            const size_t at = (size_t)(k * s->blocks + w);
+            const size_t at = (size_t)(k * s->stretches + w);
             const double *white = s->white + at * C * (size_t)m, *Z = s->Z + at * N * (size_t)m;
             const double *P = s->P + at * N * N;
             double e[C] = {0}, z[N] = {0};

@@ -1,4 +1,4 @@
-"""Kalman filter and fixed-interval smoother of a linearised problem, for many blocks of rows at once.
+"""Kalman filter and fixed-interval smoother of a linearised problem, for many stretches of rows at once.
 
 The model is linearised about a path, a trajectory of the states. With x the deviation from that path, theta
 the steps of the unknowns, w ~ N(0, Q) and e ~ N(0, R)::
@@ -11,6 +11,11 @@ columns gives the maximum likelihood estimate under process noise (Kristensen, M
 40 (2004); de Jong, Biometrika 76 (1989): the augmented filter). The smoother uses adjoint variables (Durbin
 and Koopman, Time Series Analysis by State Space Methods, 2nd ed., 4.4). It inverts no state covariance, so
 process noise may be zero.
+
+A stretch that follows another begins with the state that the filter of that one ends with. Each innovation is
+therefore the error of a prediction from all rows before it. Under feedback this matters: an input depends on
+the measurement errors before it, so that a filter that begins anew has innovations that are correlated with
+the inputs (Ljung, System Identification, 2nd ed. (1999), 13.4).
 
 A compiled library does the work as soon as it is built. Until then, and without a compiler, NumPy does; the
 two agree up to rounding errors.
@@ -30,7 +35,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class System:
-    """A linear system over W blocks of K rows, in deviations from a path.
+    """A linear system over W stretches of K rows, in deviations from a path.
 
     Attributes
     ----------
@@ -48,6 +53,8 @@ class System:
         Column 0: measured minus path. Other columns: minus their direct contribution to the channel.
     P0 : ndarray, shape (W, n, n)
         Covariance of the first state.
+    follows : ndarray of bool, shape (W,), optional
+        Stretches whose first state is the last state of the stretch before; by default none.
     """
 
     A: Array
@@ -57,6 +64,20 @@ class System:
     R: Array
     seen: Array
     P0: Array
+    follows: NDArray[np.bool_] | None = None
+
+    @property
+    def chains(self) -> NDArray[np.intp]:
+        """First stretch of each chain of stretches that follow each other, and the number of stretches."""
+        W = len(self.P0)
+        first = np.ones(W, dtype=bool) if self.follows is None else ~self.follows
+        return np.append(np.flatnonzero(first), W)
+
+    def turns(self) -> list[NDArray[np.intp]]:
+        """Return the first stretches of all chains, then the second ones, and so on."""
+        chains = self.chains
+        place = np.concatenate([np.arange(count) for count in np.diff(chains)])
+        return [np.flatnonzero(place == turn) for turn in range(int(place.max(initial=-1)) + 1)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,8 +88,9 @@ class Filtered:
     ----------
     white : ndarray, shape (K, W, C, m)
         Whitened innovations of every column, ``L^-1 (seen - H Z)`` with ``S = L L'``.
-    log_det : ndarray, shape (W,)
-        Logarithm of the determinant of the innovations' covariance S, summed over the rows of each block.
+    log_det : ndarray, shape (K, W, C)
+        Logarithm of the variance of each innovation given those before it. The sum over the channels of a row
+        is the logarithm of the determinant of S.
     """
 
     white: Array
@@ -80,7 +102,7 @@ class Filtered:
 
 
 def run_filter(system: System, *, keep: bool = False) -> Filtered:
-    """Run the filter over all blocks.
+    """Run the filter over all stretches.
 
     For column 0 the whitened innovations w satisfy ``-2 log likelihood = sum w'w + log det S``, up to a
     constant.
@@ -95,30 +117,44 @@ def run_filter(system: System, *, keep: bool = False) -> Filtered:
     numpy.linalg.LinAlgError
         If a covariance of innovations is not positive definite.
     """
-    A, Q, drive, H, R, seen = system.A, system.Q, system.drive, system.H, system.R, system.seen
-    K, W, C, m = seen.shape
-    n = H.shape[-1]
+    K, W, C, m = system.seen.shape
+    n = system.H.shape[-1]
     white = np.empty((K, W, C, m))
-    log_det = np.zeros(W)
+    log_det = np.zeros((K, W, C))
     gains = np.empty((K, W, C, n)) if keep else None
     backs = np.empty((K, W, C, n)) if keep else None
     Ps = np.empty((K, W, n, n)) if keep else None
     Zs = np.empty((K, W, n, m)) if keep else None
+    found = Filtered(white, log_det, gains, backs, Ps, Zs)
     library = compiled(n, C)
     if library:
         library.filter(
-            A=A, Q=Q, drive=drive, H=H, R=R, seen=seen, P0=system.P0,
-            white=white, log_det=log_det, half=gains, back=backs, P=Ps, Z=Zs,
+            system.chains,
+            A=system.A, Q=system.Q, drive=system.drive, H=system.H, R=system.R, seen=system.seen,
+            P0=system.P0, white=white, log_det=log_det, half=gains, back=backs, P=Ps, Z=Zs,
         )  # fmt: skip
-        return Filtered(white, log_det, gains, backs, Ps, Zs)
+        return found
     P, Z = system.P0.copy(), np.zeros((W, n, m))
-    eye = np.arange(C)
-    Ht = np.ascontiguousarray(np.swapaxes(H, 2, 3))
-    At = np.ascontiguousarray(np.swapaxes(A, 2, 3))
+    for turn, own in enumerate(system.turns()):
+        if turn:
+            P[own], Z[own] = P[own - 1], Z[own - 1]
+        P[own], Z[own] = _filter_stretches(system, found, own, P[own], Z[own])
+    return found
+
+
+def _filter_stretches(
+    system: System, found: Filtered, own: NDArray[np.intp], P: Array, Z: Array
+) -> tuple[Array, Array]:
+    """Filter some stretches side by side from their first states; return their last states."""
+    A, Q, drive, H, seen = (a[:, own] for a in (system.A, system.Q, system.drive, system.H, system.seen))
+    R = system.R[:, own]
+    eye = np.arange(seen.shape[2])
+    Ht, At = np.swapaxes(H, 2, 3), np.swapaxes(A, 2, 3)
     some = np.any(H, axis=(1, 2, 3))
-    for k in range(K):
-        if keep:
-            Ps[k], Zs[k] = P, Z  # type: ignore[index]
+    half = back = np.zeros(0)
+    for k in range(len(seen)):
+        if found._P is not None and found._Z is not None:
+            found._P[k, own], found._Z[k, own] = P, Z
         if some[k]:
             # S = H P H' + R = L L',  w = L^-1 (y - H Z),  half = L^-1 H P
             # Z <- Z + P H' S^-1 (y - H Z) = Z + half' w,  P <- P - P H' S^-1 H P = P - half' half
@@ -128,25 +164,22 @@ def run_filter(system: System, *, keep: bool = False) -> Filtered:
             S[:, eye, eye] += R[k]
             L = np.linalg.cholesky(S)
             Li = np.linalg.inv(L)
-            log_det += 2.0 * np.log(L[:, eye, eye]).sum(axis=1)
-            half = Li @ np.swapaxes(PH, 1, 2)  # W, C, n
+            found.log_det[k, own] = 2.0 * np.log(L[:, eye, eye])
+            half, back = Li @ np.swapaxes(PH, 1, 2), Li @ H[k]  # len(own), C, n
             w = Li @ (seen[k] - H[k] @ Z)
-            white[k] = w
             gain = np.swapaxes(half, 1, 2)
-            Z = Z + gain @ w
-            P = P - gain @ half
-            if keep:
-                gains[k], backs[k] = half, Li @ H[k]  # type: ignore[index]
+            Z, P = Z + gain @ w, P - gain @ half
         else:
-            white[k] = 0.0
-            if keep:
-                gains[k] = backs[k] = 0.0  # type: ignore[index]
-        if k < K - 1:
+            w, half, back = np.zeros_like(seen[k]), np.zeros_like(H[k]), np.zeros_like(H[k])
+        found.white[k, own] = w
+        if found._gain is not None and found._back is not None:
+            found._gain[k, own], found._back[k, own] = half, back
+        if k < len(A):
             # Prediction: P <- A P A' + Q,  Z <- A Z + drive
             P = A[k] @ P @ At[k] + Q[k]
             P = 0.5 * (P + np.swapaxes(P, 1, 2))
             Z = A[k] @ Z + drive[k]
-    return Filtered(white, log_det, gains, backs, Ps, Zs)
+    return P, Z
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,31 +216,54 @@ def run_smoother(system: System, filtered: Filtered, weights: Array) -> Smoothed
     assert half is not None and back is not None and Ps is not None and Zs is not None
     weights = np.broadcast_to(weights, (Zs.shape[1], Zs.shape[3]))
     K, W, n = Zs.shape[:3]
-    x, V = np.empty((K, W, n)), np.empty((K, W, n, n))
-    push, information = np.empty((K - 1, W, n)), np.empty((K - 1, W, n, n))
+    found = Smoothed(
+        np.empty((K, W, n)), np.empty((K, W, n, n)), np.empty((K - 1, W, n)), np.empty((K - 1, W, n, n))
+    )
     library = compiled(n, half.shape[2])
     if library:
         library.smoother(
+            system.chains,
             A=system.A, half=half, back=back, P=Ps, Z=Zs, white=filtered.white, weights=weights,
-            state=x, covariance=V, push=push, information=information,
+            state=found.state, covariance=found.covariance, push=found.push, information=found.information,
         )  # fmt: skip
-        return Smoothed(x, V, push, information)
-    z = np.einsum("kwnm,wm->kwn", Zs, weights)
-    e = np.einsum("kwcm,wm->kwc", filtered.white, weights)
-    r, N = np.zeros((W, n)), np.zeros((W, n, n))
-    eye = np.eye(n)
+        return found
+    r, N = np.zeros((W + 1, n)), np.zeros((W + 1, n, n))
+    turns = system.turns()
+    for own in reversed(turns):
+        # The last stretch of a chain ends with r = N = 0, others with those of the one that follows.
+        after = np.where(np.isin(own + 1, system.chains), W, own + 1)
+        r[own], N[own] = _smooth_stretches(system, filtered, weights, found, own, r[after], N[after])
+    return found
+
+
+def _smooth_stretches(
+    system: System,
+    filtered: Filtered,
+    weights: Array,
+    found: Smoothed,
+    own: NDArray[np.intp],
+    r: Array,
+    N: Array,
+) -> tuple[Array, Array]:
+    """Smooth some stretches side by side from r and N at their ends; return these at their begins."""
+    kept = (filtered._gain, filtered._back, filtered._P, filtered._Z)
+    half, back, Ps, Zs = (a[:, own] for a in kept if a is not None)
+    A = system.A[:, own]
+    z = np.einsum("kwnm,wm->kwn", Zs, weights[own])
+    e = np.einsum("kwcm,wm->kwc", filtered.white[:, own], weights[own])
+    eye = np.eye(Zs.shape[2])
     # Backward recursion, Durbin and Koopman (4.38), (4.42), with G = A (I - P H' S^-1 H) and v = y - H z:
     #   r <- H' S^-1 v + G' r,  N <- H' S^-1 H + G' N G,  x = z + P r,  V = P - P N P
     # In whitened form: back = L^-1 H, half = L^-1 H P, e = L^-1 v, so H' S^-1 v = back' e.
-    for k in range(K - 1, -1, -1):
-        if k < K - 1:
-            push[k], information[k] = r, N
-            r = (np.swapaxes(system.A[k], 1, 2) @ r[..., None])[..., 0]
-            N = np.swapaxes(system.A[k], 1, 2) @ N @ system.A[k]
-        T = np.swapaxes(back[k], 1, 2)  # W, n, C
+    for k in range(len(Zs) - 1, -1, -1):
+        if k < len(A):
+            found.push[k, own], found.information[k, own] = r, N
+            r = (np.swapaxes(A[k], 1, 2) @ r[..., None])[..., 0]
+            N = np.swapaxes(A[k], 1, 2) @ N @ A[k]
+        T = np.swapaxes(back[k], 1, 2)  # len(own), n, C
         I_KH = eye - np.swapaxes(half[k], 1, 2) @ back[k]
         r = (np.swapaxes(I_KH, 1, 2) @ r[..., None])[..., 0] + (T @ e[k][..., None])[..., 0]
         N = np.swapaxes(I_KH, 1, 2) @ N @ I_KH + T @ back[k]
-        x[k] = z[k] + (Ps[k] @ r[..., None])[..., 0]
-        V[k] = Ps[k] - Ps[k] @ N @ Ps[k]
-    return Smoothed(x, V, push, information)
+        found.state[k, own] = z[k] + (Ps[k] @ r[..., None])[..., 0]
+        found.covariance[k, own] = Ps[k] - Ps[k] @ N @ Ps[k]
+    return r, N

@@ -15,9 +15,7 @@ from hovercontrol.targets.compiler import load_library
 from hovercontrol.targets.shoot import pool, threads
 
 Array = NDArray[np.float64]
-
-#: Minimum number of blocks per thread.
-SHARE = 4
+Indices = NDArray[np.intp]
 
 _ARRAYS = (
     "A", "Q", "drive", "H", "R", "seen", "P0", "white", "log_det", "half", "back", "P", "Z",
@@ -29,7 +27,7 @@ class _Kalman(ctypes.Structure):
     """The struct ``kalman`` of kalman.c."""
 
     _fields_ = (
-        *((name, ctypes.c_long) for name in ("rows", "blocks", "columns")),
+        *((name, ctypes.c_long) for name in ("rows", "stretches", "columns")),
         *((name, ctypes.c_void_p) for name in _ARRAYS),
     )
 
@@ -45,33 +43,37 @@ class Compiled:
         for call in (self._filter, self._smoother):
             call.argtypes = [ctypes.c_void_p, ctypes.c_long, ctypes.c_long]
 
-    def filter(self, **arrays: Array | None) -> None:
+    def filter(self, chains: Indices, **arrays: Array | None) -> None:
         """Fill ``white``, ``log_det`` and, unless None, ``half``, ``back``, ``P`` and ``Z``.
+
+        Parameters
+        ----------
+        chains : ndarray of int
+            :attr:`System.chains <hovercontrol.estimation.kalman.System.chains>`.
 
         Raises
         ------
         numpy.linalg.LinAlgError
             If a covariance of innovations is not positive definite.
         """
-        self._run(self._filter, arrays)
+        self._run(self._filter, chains, arrays)
 
-    def smoother(self, **arrays: Array | None) -> None:
+    def smoother(self, chains: Indices, **arrays: Array | None) -> None:
         """Fill ``state``, ``covariance``, ``push`` and ``information``."""
-        self._run(self._smoother, arrays)
+        self._run(self._smoother, chains, arrays)
 
-    def _run(self, call: Callable[..., int], arrays: dict[str, Array | None]) -> None:
+    def _run(self, call: Callable[..., int], chains: Indices, arrays: dict[str, Array | None]) -> None:
         given = {k: None if a is None else np.ascontiguousarray(a) for k, a in arrays.items()}
-        rows, blocks, _, columns = given["white"].shape  # type: ignore[union-attr]
+        rows, stretches, _, columns = given["white"].shape  # type: ignore[union-attr]
         places = {k: None if a is None else a.ctypes.data for k, a in given.items()}
-        job = _Kalman(rows, blocks, columns, **places)
-        parts = min(threads(), max(blocks // SHARE, 1))
-        edges = np.linspace(0, blocks, parts + 1).astype(int).tolist()
-        spans = list(pairwise(edges))
+        job = _Kalman(rows, stretches, columns, **places)
+        spans = list(pairwise(chains.tolist()))
 
         def part(span: tuple[int, int]) -> int:
             return int(call(ctypes.byref(job), *span))
 
-        failed = list(pool().map(part, spans)) if parts > 1 else [part(spans[0])]
+        several = len(spans) > 1 and threads() > 1
+        failed = list(pool().map(part, spans) if several else map(part, spans))
         if 2 in failed:
             raise MemoryError("no memory for the filter")
         if any(failed):

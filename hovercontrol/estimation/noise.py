@@ -149,7 +149,7 @@ def augment(
     level = (noise.measured * noise.scale[problem.rows.log]) ** 2  # W, C
     if problem.data.variance is not None:
         level = level * problem.data.variance
-    return System(A, Q, full, H, np.where(problem.seen, level, 1.0), watched, P0)
+    return System(A, Q, full, H, np.where(problem.seen, level, 1.0), watched, P0, problem.rows.follows)
 
 
 #: Largest factor by which a variance changes in a pass; largest factor by which a step in the logarithm of a
@@ -177,6 +177,8 @@ class NoiseCriteria:
         Process noise below this fraction of the observed acceleration keeps its correlation time.
     least : float
         Smallest measurement noise relative to the level from third differences.
+    white : float
+        Shortest correlation time in rows. That of neighbouring rows is then 1.7 %: the noise is white.
     tiny : float
         Smallest measurement noise relative to the standard deviation of the channel. No sensor is better; in
         a log without noise, integration errors would be significant.
@@ -188,6 +190,7 @@ class NoiseCriteria:
     none: float = 1e-5
     small: float = 1e-3
     least: float = 0.01
+    white: float = 1.0 / 30.0
     tiny: float = 1e-5
 
 
@@ -247,12 +250,7 @@ def moved(
     step = np.clip(damping.taken(np.clip(ratio, -limit, limit)), -limit, limit)
     process = noise.process * np.exp(0.5 * step[C:])
     process = np.where(process < NOISE.none * problem.accelerations, 0.0, process)
-    # From tick to tick a sampled model may jump: third differences then tell nothing about noise.
-    least = np.maximum(
-        (0.0 if problem.period else NOISE.least) * problem.data.noise,
-        NOISE.tiny * np.nanstd(problem.rows.values, axis=(0, 1)),
-    )
-    measured = np.maximum(noise.measured * np.exp(0.5 * step[:C]), least)
+    measured = np.maximum(noise.measured * np.exp(0.5 * step[:C]), least_measured(problem))
     return replace(noise, measured=measured, process=process)
 
 
@@ -263,6 +261,25 @@ def left_of(system: System, smooth: Smoothed, step: Array) -> Array:
     if system.seen.shape[-1] > 1 and step.any():
         seen = seen + system.seen[..., 1:] @ step
     return np.asarray(seen - (system.H @ smooth.state[..., None])[..., 0])
+
+
+def least_measured(problem: Problem) -> Array:
+    """Return the smallest measurement noise of each channel, shape (C,)."""
+    # From tick to tick a sampled model may jump: third differences then tell nothing about noise.
+    least = 0.0 if problem.period else NOISE.least
+    spread = np.nanstd(problem.rows.values, axis=(0, 1))
+    return np.maximum(least * problem.data.noise, NOISE.tiny * spread)
+
+
+def noisy(problem: Problem, noise: Noise) -> NDArray[np.intp]:
+    """Return the driven states with process noise large enough to have a correlation time."""
+    size = averaged(noise, averaging_time(problem))
+    return np.flatnonzero(size > NOISE.small * problem.accelerations)
+
+
+def time_range(problem: Problem) -> tuple[float, float]:
+    """Return the shortest and the longest correlation time [s]."""
+    return (WHITE if problem.period else NOISE.white) * problem.shortest, problem.longest
 
 
 def _steps(problem: Problem, noise: Noise) -> tuple[Array, Array, Array, Array, Array]:
@@ -327,9 +344,9 @@ def timed(problem: Problem, linear: Linear, noise: Noise, factor: float) -> tupl
     spectral density at low frequency (``process**2 * seconds`` kept) and with the same increments over short
     times (``process**2 / seconds`` kept).
     """
-    least, most = (WHITE if problem.period else 1.0) * problem.shortest, problem.longest
+    least, most = time_range(problem)
     tries, places = [noise], []
-    for j in np.flatnonzero(noise.process > NOISE.small * problem.accelerations).tolist():
+    for j in noisy(problem, noise).tolist():
         for times in (1.0 / factor, factor):
             new = float(np.clip(noise.seconds[j] * times, least, most))
             for power in (-0.5, 0.5):

@@ -26,8 +26,8 @@ FARTHEST = 1.0
 class Pass:
     """One linearisation with its filter and smoother.
 
-    With the whitened residuals w0 and the whitened sensitivities J of a block, its normal equations are
-    ``S dz = g`` with ``S = J'J`` and ``g = -J'w0``.
+    With the whitened residuals w0 and the whitened sensitivities J of a stretch, its normal equations are
+    ``S dz = g`` with ``S = J'J`` and ``g = -J'w0``. They take the gains of the filter as fixed.
 
     Attributes
     ----------
@@ -75,16 +75,17 @@ class Pass:
 
 def run_pass(problem: Problem, noise: Noise, prior: Prior, p: Array, path: Array, frozen: bool) -> Pass:
     """Return one pass; if `frozen`, the unknowns keep their values."""
+    path = problem.rows.joined(path)
     linear = problem.linearise(path, p, unknowns=not frozen)
     system = augment(problem, linear, noise)
     filtered = run_filter(system, keep=True)
     # With whitened columns [w0, J]:  w0'w0 + log det = -2 log likelihood,  S = J'J,  g = -J'w0
     every = products(filtered.white)
-    costs = every[:, 0, 0] + filtered.log_det
+    costs = every[:, 0, 0] + filtered.log_det.sum(axis=(0, 2))
     S, g = every[:, 1:, 1:], -every[:, 1:, 0]
     step, predicted = np.zeros(len(p)), 0.0
     if not frozen and len(p):
-        step, predicted = _newton(problem, prior, p, S, g)
+        step, predicted = newton(problem, prior, p, S, g)
     smooth = run_smoother(system, filtered, np.ones(1) if frozen else np.concatenate([[1.0], step]))
     squares = float(every[:, 0, 0].sum()) + prior.cost(problem.inside(p))
     cost = squares + float(filtered.log_det.sum())
@@ -113,26 +114,37 @@ def tried_pass(
     return now if np.isfinite(now.cost) else None
 
 
-def _newton(problem: Problem, prior: Prior, p: Array, S: Array, g: Array) -> tuple[Array, float]:
-    """Return the Gauss-Newton step of the unknowns within their bounds, and its predicted reduction."""
+def newton(problem: Problem, prior: Prior, p: Array, S: Array, g: Array) -> tuple[Array, float]:
+    """Return the step that solves normal equations within the bounds, and its predicted reduction.
+
+    Parameters
+    ----------
+    S, g : ndarray, shapes (W, P + M, P + M), (W, P + M)
+        Normal equations of the unknowns, in scaled coordinates, and of M noise levels on a log scale. The
+        steps of these are kept short, as the information on a level changes with it: a proximal term adds 1.
+    """
     # Minimise |w0 + J dz|^2 + (z + dz - c)' Lambda (z + dz - c), Lambda and c of the prior:
     #   (S + Lambda) dz = g - Lambda (z - c)
     # An unknown at a bound leaves the free set if the step would cross that bound.
-    z = problem.inside(p)
-    total = S.sum(axis=0) + np.diag(prior.precision)
-    slope = g.sum(axis=0) - prior.slope(z)
-    free = ~problem.held(p, slope)
-    dz = np.zeros(len(z))
-    for _ in range(len(z) + 1):
+    z, P = problem.inside(p), len(p)
+    total, slope = S.sum(axis=0), g.sum(axis=0)
+    total[range(P), range(P)] += prior.precision
+    total[range(P, len(slope)), range(P, len(slope))] += 1.0
+    slope[:P] -= prior.slope(z)
+    free = np.ones(len(slope), dtype=bool)
+    free[:P] = ~problem.held(p, slope[:P])
+    dz = np.zeros(len(slope))
+    for _ in range(P + 1):
         dz[:] = 0.0
         if free.any():
             dz[free] = inverse(total[np.ix_(free, free)]) @ slope[free]
-        back = free & problem.held(p, dz)
+        back = free[:P] & problem.held(p, dz[:P])
         if not back.any():
             break
-        free &= ~back
-    dz = np.where(problem.log_scale, np.clip(dz, -FARTHEST, FARTHEST), dz)
-    dz = problem.inside(problem.outside(z + dz)) - z
+        free[:P] &= ~back
+    logs = np.concatenate([problem.log_scale, np.ones(len(dz) - P, dtype=bool)])
+    dz = np.where(logs, np.clip(dz, -FARTHEST, FARTHEST), dz)
+    dz[:P] = problem.inside(problem.outside(z + dz[:P])) - z
     # Predicted reduction: 2 dz' (g - Lambda (z - c)) - dz' (S + Lambda) dz
     return dz, float(2.0 * dz @ slope - dz @ total @ dz)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,15 +24,20 @@ class PriorWidths:
     shapes : float
         Standard deviation of the logarithm of a parameter that keeps its sign: a mass, a width of friction.
     coefficients : float
-        Standard deviation of a coefficient, relative to its value.
+        Standard deviation of a coefficient, relative to its value. With 1, logs that determine a coefficient
+        at all (standard error below its value: :mod:`.excitation`) outweigh the given value.
     alone : float
         Standard deviation of a coefficient, relative to the value at which its term alone explains the
         observed acceleration. The larger of the two standard deviations applies.
+    first : float
+        Standard deviations of coefficients in the passes before scoring, relative to those above. These
+        passes neglect a part of the likelihood (:mod:`.scoring`), so they are kept near the given values.
     """
 
     shapes: float = 1.5
-    coefficients: float = 0.3
-    alone: float = 0.1
+    coefficients: float = 1.0
+    alone: float = 1.0 / 3.0
+    first: float = 0.3
 
 
 #: The values in use.
@@ -49,10 +54,18 @@ class Prior:
     ----------
     centre, precision : ndarray, shape (P,)
         Mean c and inverse variance Lambda in scaled coordinates z.
+    starting : ndarray, shape (P,)
+        Inverse variances in the passes before scoring.
     """
 
     centre: Array
     precision: Array
+    starting: Array
+
+    @property
+    def first(self) -> Prior:
+        """The prior of the passes before scoring."""
+        return replace(self, precision=self.starting)
 
     def cost(self, z: Array) -> float:
         """Return minus twice the log prior up to a constant, ``sum Lambda (z - c)^2``."""
@@ -87,4 +100,5 @@ def prior_of(problem: Problem, model: Subject) -> Prior:
             precision[j] = 1.0 / max(PRIOR.coefficients * abs(centre[j]), PRIOR.alone * alone[j]) ** 2
         elif name in own:
             precision[j] = 1.0 / max(abs(centre[j]), 1e-3) ** 2
-    return Prior(z, precision)
+    starting = np.array([name in linear for name in problem.names], dtype=bool)
+    return Prior(z, precision, np.where(starting, precision / PRIOR.first**2, precision))

@@ -48,6 +48,11 @@ ENOUGH = 0.95
 #: Standard deviation of a block's first states about the path, relative to the spread of each state.
 LOOSE = 10.0
 
+#: Growth of a state from row to row above which sub-steps are too long for friction at rest. An explicit step
+#: h along a slope s is unstable for h s > 2.8 (Hairer and Wanner, Solving ODEs II, IV.2); the states of an
+#: unstable craft grow only by a few per cent.
+GROWTH = 2.0
+
 #: Smallest spread of the bristle states of a friction model, relative to their nominal value.
 SHORTEST = 1e-6
 
@@ -93,6 +98,11 @@ class Linear:
     start: Array
     jolt: Array | None = None
     fresh: NDArray[np.bool_] | None = None
+
+    @property
+    def resolved(self) -> bool:
+        """Whether sub-steps are short enough for friction at rest, so that sensitivities are meaningful."""
+        return bool(np.abs(np.diagonal(self.A, axis1=2, axis2=3)).max(initial=0.0) < GROWTH)
 
 
 class Problem(Unknowns):

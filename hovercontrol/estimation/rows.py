@@ -36,8 +36,7 @@ class Blocking:
     rows : int
         Length of a block of a slowly sampled log in rows.
     stretch : int
-        Smallest number of rows of a stretch that a longer block is split into. The first state of each
-        stretch is unknown.
+        Smallest number of rows of a stretch that a longer block is split into.
     fewest : int
         Smallest number of rows of a block.
     long_step : float
@@ -67,6 +66,9 @@ BLOCKING = Blocking()
 class Rows:
     """W stretches of up to K rows; shorter ones are padded with their last row.
 
+    A stretch that another one follows ends with a row without measurements at the time at which that one
+    begins, so that the filter runs on from stretch to stretch.
+
     Attributes
     ----------
     time : ndarray, shape (K, W)
@@ -78,9 +80,11 @@ class Rows:
     log : ndarray of int, shape (W,)
         Log of each stretch.
     block : ndarray of int, shape (W,)
-        Block of each stretch. Long blocks are filtered in several stretches in parallel.
+        Block of each stretch. Long blocks consist of several stretches.
     piece : ndarray of int, shape (W,)
         Unbroken piece of a log of each stretch. A very long gap or the end of a trial ends a piece.
+    follows : ndarray of bool, shape (W,)
+        Stretches that begin at the end of the one before: all of a piece except its first.
     block_log : ndarray of int, shape (B,)
         Log of each block.
     at : ndarray of int, shape (K, W)
@@ -94,9 +98,23 @@ class Rows:
     log: Indices
     block: Indices
     piece: Indices
+    follows: NDArray[np.bool_]
     block_log: Indices
     at: Indices
     channels: tuple[str, ...]
+
+    def joined(self, path: Array) -> Array:
+        """Return a path, (K, W, ...), in which each stretch ends where the one that follows it begins."""
+        path, lengths = path.copy(), self.lengths
+        for w in (np.flatnonzero(self.follows) - 1).tolist():
+            path[lengths[w] :, w] = path[0, w + 1]
+        return path
+
+    @property
+    def lengths(self) -> Indices:
+        """Number of rows of each stretch, without padding and the begin of the next stretch, shape (W,)."""
+        rows = 1 + np.count_nonzero(np.diff(self.time, axis=0) > 0, axis=0)
+        return np.asarray(rows - np.append(self.follows[1:], False))
 
     @property
     def seconds(self) -> Array:
@@ -160,6 +178,11 @@ def arrange(
     if not grids:
         said = ", ".join(log.name for log in logs)
         raise InputError(f"{said}: too few rows: no stretch of {BLOCKING.fewest} follows on")
+    of, number_of, from_log = (np.array(a, dtype=np.intp) for a in (block, piece, block_log))
+    follows = np.diff(number_of, prepend=-1) == 0
+    for w in (np.flatnonzero(follows) - 1).tolist():
+        i, t, rows = grids[w]
+        grids[w] = i, np.append(t, grids[w + 1][1][0]), np.append(rows, -1)
     K, W = max(t.size for _, t, _ in grids), len(grids)
     times, places = np.empty((K, W)), np.full((K, W), -1, dtype=np.intp)
     values = np.full((K, W, len(channels)), np.nan)
@@ -178,8 +201,7 @@ def arrange(
             guess[name][:n, w] = np.interp(t, log.time, states[i][name])
             guess[name][n:, w] = guess[name][n - 1, w]
     owner = np.array([i for i, _, _ in grids], dtype=np.intp)
-    of, follows, from_log = (np.array(a, dtype=np.intp) for a in (block, piece, block_log))
-    return Rows(times, values, guess, owner, of, follows, from_log, places, tuple(channels))
+    return Rows(times, values, guess, owner, of, number_of, follows, from_log, places, tuple(channels))
 
 
 def _pieces(log: Measured, tempo: float) -> list[tuple[int, int]]:

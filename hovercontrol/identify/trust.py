@@ -26,12 +26,12 @@ from hovercontrol.discrepancy.search.fit import Search, Tried, try_effect
 from hovercontrol.discrepancy.search.score import Scored, Scores, at_its_time
 from hovercontrol.discrepancy.search.sets import singles
 from hovercontrol.effects import Effect
+from hovercontrol.estimation.feedback import fed_back
 from hovercontrol.estimation.fit import Fit, refit
-from hovercontrol.estimation.kalman import run_filter
-from hovercontrol.estimation.noise import augment
-from hovercontrol.estimation.passes import inverse, products
+from hovercontrol.estimation.passes import inverse
 from hovercontrol.estimation.prior import prior_of
 from hovercontrol.estimation.problem import Problem
+from hovercontrol.estimation.scoring import NO_LEVELS, scores
 from hovercontrol.estimation.subject import unknowns
 from hovercontrol.identify.result import Reading
 
@@ -212,8 +212,11 @@ def _is_candidate(problem: Problem, cls: type[Effect]) -> bool:
 
 
 def _over_longer_times(fit: Fit, std: Array) -> list[tuple[str, Reading]]:
-    """Return readings on rows further apart that differ significantly, if the fit has random forces."""
-    if not np.any(CRITERIA.left(fit)) or not len(fit.p):
+    """Return readings on rows further apart that differ significantly, if the fit has random forces.
+
+    There are none under feedback (:mod:`hovercontrol.estimation.feedback`).
+    """
+    if not np.any(CRITERIA.left(fit)) or not len(fit.p) or fed_back(fit, TRUST.level):
         return []
     found: dict[str, Reading] = {}
     slope, tests = fit.problem.slope(fit.p), len(fit.p) * len(TRUST.horizons)
@@ -248,9 +251,8 @@ def _read_over(fit: Fit, horizon: float) -> tuple[Array, Array, Array, int] | No
     problem, prior = fit.problem, fit.prior
     pull = prior.slope(problem.inside(fit.p))
     thin = problem.without(problem.seen & ~_apart(problem, horizon)[..., None])
-    system = augment(thin, thin.linearise(fit.path, fit.p), fit.noise)
-    every = problem.rows.by_block(products(run_filter(system).white))
-    G, f = every[:, 1:, 1:], -every[:, 1:, 0]
+    known = np.diag(fit.S.sum(axis=0))
+    G, f = map(problem.rows.by_block, scores(thin, fit.noise, fit.p, fit.path, NO_LEVELS, known))
     B = int((np.trace(G, axis1=1, axis2=2) > 0.0).sum())
     if B < 2:
         return None

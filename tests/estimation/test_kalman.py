@@ -51,7 +51,7 @@ def test_whitened_products_and_determinant_are_those_of_the_covariance(rng, proc
         X = s.seen[:, w].reshape(-1, m) - H @ mean
         Z = found.white[:, w].reshape(-1, m)
         np.testing.assert_allclose(Z.T @ Z, X.T @ np.linalg.solve(S, X), rtol=1e-9)
-        assert found.log_det[w] == pytest.approx(np.linalg.slogdet(S)[1], rel=1e-9)
+        assert found.log_det[:, w].sum() == pytest.approx(np.linalg.slogdet(S)[1], rel=1e-9)
 
 
 @pytest.mark.parametrize("process", [0.0, 0.5])
@@ -67,6 +67,29 @@ def test_smoothed_states_are_those_given_all_measurements(rng, process):
         for k in range(K):
             own = slice(n * k, n * k + n)
             np.testing.assert_allclose(found.covariance[k, w], known[own, own], atol=1e-9)
+
+
+def test_a_stretch_that_follows_another_runs_on_from_it(rng):
+    """Cut in two, with the row of the cut at the end of one and the begin of the other, nothing changes."""
+    s, weights, cut = system(rng, 0.5), np.array([1.0, 0.4, -0.7]), 4
+    size, pad = K - cut, K - 2 * cut - 1  # rows of the second part; of the first: cut + 1
+
+    def parts(a, fill, last=None):
+        first = np.concatenate([a[:cut], last, *[fill] * pad]) if last is not None else a[: size - 1].copy()
+        return np.stack([first, a[cut:]], axis=2).reshape(len(first), -1, *a.shape[2:], order="C")
+
+    unseen = {"H": np.zeros_like(s.H[:1]), "R": np.ones_like(s.R[:1]), "seen": np.zeros_like(s.seen[:1])}
+    at_rows = {k: parts(getattr(s, k), v, v) for k, v in unseen.items()}
+    assert pad == 0
+    steps = {k: parts(getattr(s, k)[: K - 1], None) for k in ("A", "Q", "drive")}
+    P0 = np.repeat(s.P0, 2, axis=0)
+    follows = np.tile([False, True], W)
+    both = System(steps["A"], steps["Q"], steps["drive"], *at_rows.values(), P0, follows)
+    whole, found = run_filter(s, keep=True), run_filter(both, keep=True)
+    np.testing.assert_allclose(found.white[:, 1::2], whole.white[cut:], atol=1e-12)
+    one, other = run_smoother(s, whole, weights), run_smoother(both, found, weights)
+    np.testing.assert_allclose(other.state[:, 0::2], one.state[: cut + 1], atol=1e-9)
+    np.testing.assert_allclose(other.covariance[:, 1::2], one.covariance[cut:], atol=1e-9)
 
 
 def test_weights_may_differ_from_block_to_block(rng):
@@ -92,10 +115,10 @@ def test_the_likelihood_grows_with_process_noise_as_the_smoother_says(rng, proce
             if process == 0.0 and sign < 0:
                 continue
             f = run_filter(replace(s, Q=s.Q + sign * more))
-            costs.append((f.white[..., 0] ** 2).sum(axis=(0, 2)) + f.log_det)
+            costs.append((f.white[..., 0] ** 2).sum(axis=(0, 2)) + f.log_det.sum(axis=(0, 2)))
         if process == 0.0:  # no less than none
             f = run_filter(s)
-            costs.append((f.white[..., 0] ** 2).sum(axis=(0, 2)) + f.log_det)
+            costs.append((f.white[..., 0] ** 2).sum(axis=(0, 2)) + f.log_det.sum(axis=(0, 2)))
         wide = 2.0 if process else 1.0
         slope = -0.5 * (costs[0] - costs[1]) / (wide * size)
         said = 0.5 * (r[k, :, i] * r[k, :, j] - N[k, :, i, j])

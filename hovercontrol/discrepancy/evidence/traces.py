@@ -112,7 +112,7 @@ def runs_of(problem: Problem, k: int, seconds: float = np.inf) -> Iterator[tuple
     """
     blocks = np.flatnonzero(problem.rows.log == k)
     time = problem.rows.time
-    lengths = [int(np.searchsorted(time[:, w], time[-1, w], side="left")) + 1 for w in blocks]
+    lengths = problem.rows.lengths[blocks]
     row = np.concatenate([np.arange(n) for n in lengths]).astype(np.intp)
     block = np.repeat(blocks, lengths)
     t = time[row, block]
