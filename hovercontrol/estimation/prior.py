@@ -30,8 +30,9 @@ class PriorWidths:
         Standard deviation of a coefficient, relative to the value at which its term alone explains the
         observed acceleration. The larger of the two standard deviations applies.
     first : float
-        Standard deviations of coefficients in the passes before scoring, relative to those above. These
-        passes neglect a part of the likelihood (:mod:`.scoring`), so they are kept near the given values.
+        Standard deviations of coefficients in the passes before scoring, relative to those above, and of the
+        logarithm of one that keeps its sign. These passes neglect a part of the likelihood (:mod:`.scoring`),
+        so they are kept near the given values.
     """
 
     shapes: float = 1.5
@@ -100,5 +101,6 @@ def prior_of(problem: Problem, model: Subject) -> Prior:
             precision[j] = 1.0 / max(PRIOR.coefficients * abs(centre[j]), PRIOR.alone * alone[j]) ** 2
         elif name in own:
             precision[j] = 1.0 / max(abs(centre[j]), 1e-3) ** 2
-    starting = np.array([name in linear for name in problem.names], dtype=bool)
-    return Prior(z, precision, np.where(starting, precision / PRIOR.first**2, precision))
+    of_free = np.array([name in free for name in problem.names], dtype=bool)
+    first = np.where(problem.log_scale, PRIOR.first**-2, precision / PRIOR.first**2)
+    return Prior(z, precision, np.where(of_free, first, precision))
