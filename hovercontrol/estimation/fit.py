@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import chi2
 
 from hovercontrol.estimation.damping import Damping, Relaxation
 from hovercontrol.estimation.kalman import run_filter, run_smoother
@@ -89,6 +90,9 @@ SHORTEST, TINIEST = 0.05, 1e-6
 
 #: Fraction of the observed acceleration as which the process noise begins where a state has no guess.
 HIDDEN = 1e-4
+#: Level of the test whether the scores of blocks scatter more than the noise explains.
+SCATTER = 0.05
+
 #: Maximum number of scoring steps, and shortest fraction of one that is tried.
 SCORED, LEAST_SCORED = 8, 0.1
 
@@ -163,13 +167,18 @@ class Fit:
     def scores(self) -> Array:
         """Scores of the blocks, whose scatter widens the standard errors, (B, P); zero if unknown.
 
-        ``s_b = (W/(W - 1))^(1/2) (g_b - Lambda (z - c) / W)`` of W blocks.
+        They are zero, too, if they scatter no more than the noise explains.
         """
-        W = len(self.S)
-        if W < 8 or not np.any(self.noise.process > 0):
+        # s_b = (W/(W - 1))^(1/2) (g_b - Lambda (z - c) / W) of W blocks;  sum s_b' C s_b is chi-square
+        # distributed with P (W - 1) degrees of freedom if the noise is as assumed
+        W, P = self.g.shape
+        if W < 8 or not P or not np.any(self.noise.process > 0):
             return np.zeros_like(self.g)
         pull = self.prior.slope(self.problem.inside(self.p))
-        return np.asarray((self.g - pull / W) * np.sqrt(W / (W - 1)))
+        found = np.asarray((self.g - pull / W) * np.sqrt(W / (W - 1)))
+        C = inverse(self.S.sum(axis=0) + np.diag(self.prior.precision))
+        scatter = float(np.einsum("wi,ij,wj->", found, C, found))
+        return found if scatter > chi2.isf(SCATTER, P * (W - 1)) else np.zeros_like(found)
 
     @property
     def covariance(self) -> Array:
