@@ -76,6 +76,11 @@ class Data:
         return replace(self, rows=replace(self.rows, values=values))
 
     @property
+    def joined(self) -> Data:
+        """The data with the filter running on from stretch to stretch of a piece, as feedback asks."""
+        return replace(self, rows=replace(self.rows, follows=np.diff(self.rows.piece, prepend=-1) == 0))
+
+    @property
     def down_weighted(self) -> NDArray[np.bool_]:
         """Samples whose variance is larger than that of their channel, a mask of shape (K, W, C)."""
         if self.variance is None:
@@ -102,6 +107,7 @@ def gather(model: Subject, logs: Sequence[Log | Measured]) -> Data:
     scales = noise_scales(measured, channels, noise)
     tempo = tempo_of(measured, is_craft=model.is_craft)
     rows = arrange(measured, [_guess(block, m) for m in measured], channels, model.period, tempo)
+    rows = replace(rows, follows=np.zeros_like(rows.follows))
     return Data(measured, channels, noise, scales, rows, drift_states(measured, rows), tempo=tempo)
 
 

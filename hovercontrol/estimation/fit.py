@@ -262,8 +262,15 @@ def estimate(
             break
         run.most, run.hold = run.k + AGAIN, 0
         converged = run.settled(levels)
-    run.scored(prior, levels)
     return run.fit(converged)
+
+
+def scored(near: Fit, prior: Prior) -> Fit:
+    """Return the fit at the optimum of unknowns and noise levels together (:mod:`.scoring`), under a prior."""
+    run = _Iteration(near.problem, near.prior, near.noise, False, True, MOVING, 0, None)
+    run.first(near.p, near.path)
+    run.scored(prior, True)
+    return run.fit(near.converged)
 
 
 @dataclass(eq=False)

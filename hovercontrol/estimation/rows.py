@@ -114,7 +114,7 @@ class Rows:
     def lengths(self) -> Indices:
         """Number of rows of each stretch, without padding and the begin of the next stretch, shape (W,)."""
         rows = 1 + np.count_nonzero(np.diff(self.time, axis=0) > 0, axis=0)
-        return np.asarray(rows - np.append(self.follows[1:], False))
+        return np.asarray(rows - np.append(np.diff(self.piece) == 0, False))
 
     @property
     def seconds(self) -> Array:

@@ -25,9 +25,10 @@ from hovercontrol.discrepancy.search.base import base_fit, likelier_start
 from hovercontrol.errors import InputError
 from hovercontrol.estimation.data import Data, gather
 from hovercontrol.estimation.excitation import Excitation
-from hovercontrol.estimation.fit import Fit, refit
+from hovercontrol.estimation.fit import Fit, refit, scored
 from hovercontrol.estimation.measure import MOST_ROWS, Measured, angles, measure, refuse_still
 from hovercontrol.estimation.noise import averaging_time
+from hovercontrol.estimation.prior import prior_of
 from hovercontrol.estimation.subject import named
 from hovercontrol.fmi.replay.plant import FmuPlant
 from hovercontrol.identify.fmu import FmuIdentified, identify_fmu
@@ -139,7 +140,7 @@ def identify(
     report(0.0, "reading the measurements")
     measured = measure_shared(model, logs, most_rows)
     with threadpool_limits(1, "blas"):  # with many small matrices BLAS threads would wait for each other
-        data = gather(as_model(model), measured)
+        data = gather(as_model(model), measured).joined
         fit = _fitted(model, data, names, report)
         found = _identified(model, names, kept, data, fit, report)
     report(1.0, "done")
@@ -216,7 +217,8 @@ def _fitted(
         report(0.7 * (1 - 1 / (1 + passes[0] / 8)), "fitting")
 
     try:
-        return _without_noise(likelier_start(base_fit(subject, data, names, passed), passed), passed)
+        found = _without_noise(likelier_start(base_fit(subject, data, names, passed), passed), passed)
+        return scored(found, prior_of(found.problem, subject))
     except FloatingPointError as error:
         raise InputError(f"{model.name!r}: {error}: try other start values") from error
 

@@ -10,7 +10,7 @@ from hovercontrol.core.block import Block
 from hovercontrol.core.signals import Signal
 from hovercontrol.estimation.data import gather
 from hovercontrol.estimation.feedback import fed_back
-from hovercontrol.estimation.fit import estimate, first_noise
+from hovercontrol.estimation.fit import estimate, first_noise, scored
 from hovercontrol.estimation.noise import Noise
 from hovercontrol.estimation.prior import prior_of
 from hovercontrol.estimation.problem import LOOSE, Problem
@@ -54,15 +54,16 @@ def held_up(seed, rows, held=True):
 
 def fitted(log, **values):
     model = as_model(machine(**values))
-    problem = Problem(model, gather(model, [log]))
-    return estimate(problem, prior_of(problem, model), first_noise(problem), gate=True)
+    problem = Problem(model, gather(model, [log]).joined)
+    prior = prior_of(problem, model)
+    return scored(estimate(problem, prior, first_noise(problem), gate=True), prior)
 
 
 def test_the_score_is_the_derivative_of_the_likelihood_of_all_measurements():
     """The density of all rows is a single normal one, whose covariance is written out."""
     log, push, first = held_up(1, 60), 0.2, np.array([0.03, 0.1])
     model = as_model(machine())
-    problem = Problem(model, gather(model, [log]))
+    problem = Problem(model, gather(model, [log]).joined)
     path = np.broadcast_to(first, problem.guess.shape)
     tau = H / 30.0
     process = np.array([push / np.sqrt(2.0 * tau)])
