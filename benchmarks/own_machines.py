@@ -70,7 +70,7 @@ def reference(family: Family, seed: int, rows: int) -> Array:
 
 def force_state(family: Family) -> str:
     """Return the velocity in whose equation hidden forces act."""
-    return next((n for n, unit in reversed(family.states.items()) if unit in ("m/s", "rad/s")), "")
+    return next((n for n, unit in reversed(list(family.states.items())) if unit in ("m/s", "rad/s")), "")
 
 
 def simulated(family: Family, p: Values, seed: int, rows: int, hidden: str = "") -> hc.Log:
@@ -129,7 +129,7 @@ def simulated(family: Family, p: Values, seed: int, rows: int, hidden: str = "")
     if hidden == "bias":
         Y[:, 0] += 0.3 * Y[:, 0].std()
     columns = dict(zip(family.measured, Y.T, strict=True)) | dict(zip(family.inputs, U.T, strict=True))
-    return hc.Log(f"{family.name} {seed}", family.step * np.arange(rows), columns)
+    return hc.Log(f"{family.name} {seed}", np.arange(0.0, rows) * family.step, columns)
 
 
 def expected(family: Family, hidden: str) -> str:
@@ -219,11 +219,12 @@ def figures(found: Sequence[Case]) -> Iterator[tuple[str, str, str, bool | None]
         yield "largest distance from the likelihood by hand", f"{most:.2f} standard errors", "<= 0.1", ok
     judged = [c for c in found if c.verdict]
     if judged:
-        right, false = np.mean([c.right for c in judged]), np.mean([c.false for c in judged])
+        share = float(np.mean([c.right for c in judged]))
+        false = float(np.mean([c.false for c in judged]))
         hidden = any(c.hidden for c in judged)
         least = 0.85 if hidden else 0.98
-        yield "right verdicts", f"{right:.1%} of {len(judged)}", f">= {least:.0%}", bool(right >= least)
-        yield "false names", f"{false:.1%}", "<= 2 %", bool(false <= 0.02)
+        yield "right verdicts", f"{share:.1%} of {len(judged)}", f">= {least:.0%}", share >= least
+        yield "false names", f"{false:.1%}", "<= 2 %", false <= 0.02
 
 
 def rows() -> Iterator[tuple[str, str, str, bool | None]]:

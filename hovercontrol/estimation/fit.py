@@ -266,7 +266,7 @@ def estimate(
 
 
 def scored(near: Fit, prior: Prior) -> Fit:
-    """Return the fit at the optimum of unknowns and noise levels together (:mod:`.scoring`), under a prior."""
+    """Return the fit at the optimum of unknowns and noise levels together (:mod:`.scoring`)."""
     run = _Iteration(near.problem, near.prior, near.noise, False, True, MOVING, 0, None)
     run.first(near.p, near.path)
     run.scored(prior, True)
