@@ -93,7 +93,7 @@ def test_an_empty_column_is_refused(name):
 
 def test_rows_for_a_command_alone_are_no_missing_samples():
     pose = LOG.select(slice(0, None, 3))
-    pose = Log("pose", pose.time, {name: pose[name] for name in POSE})
+    pose = Log("pose", pose.time, {name: pose[name].copy() for name in POSE})
     pose["x"][7] = NAN
     joined = join_logs(pose, Log("commands", LOG.time, {name: LOG[name] for name in COMMANDS}))
     assert np.isnan(joined["x"]).sum() > 10 and joined.missing("x") == 1
