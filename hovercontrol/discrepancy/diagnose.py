@@ -32,7 +32,7 @@ from hovercontrol.discrepancy.verdict import verdict_of
 from hovercontrol.errors import InputError
 from hovercontrol.estimation.data import Data, gather
 from hovercontrol.estimation.fit import Fit
-from hovercontrol.estimation.subject import Subject, named, unknowns
+from hovercontrol.estimation.subject import Subject, named, unknowns, with_known_period
 from hovercontrol.fmi.replay.plant import FmuPlant
 from hovercontrol.logs import Log
 from hovercontrol.models.interface import AnyModel, as_model
@@ -98,7 +98,8 @@ def diagnose(
         Logs held out of the fit, judged together. An effect is dropped if they are predicted worse with it
         and are not likelier.
     fixed : sequence of str, optional
-        Parameters of the model that keep their values: a known gravity, a mass that was weighed.
+        Parameters of the model that keep their values: a known gravity, a mass that was weighed, the period
+        of a sampled Block.
     names : sequence of str, optional
         Effects to consider; default: the whole catalogue.
     max_effects : int, optional
@@ -140,14 +141,15 @@ def diagnose(
     if isinstance(model, FmuPlant):
         model = replace(model, fit=tuple(name for name in model.fit if name not in fixed))
         return diagnose_fmu(model, logs, held, names, max_effects, report)
-    subject = as_model(model)
+    subject, assumed = with_known_period(as_model(model), None, fixed)
     kept = named(subject, fixed)
     with threadpool_limits(1, "blas"):  # with many small matrices its threads would wait for each other
-        return _diagnosed(subject, logs, held, kept, names, max_effects, seed, report)
+        return _diagnosed(subject, assumed, logs, held, kept, names, max_effects, seed, report)
 
 
 def _diagnosed(
     model: Subject,
+    assumed: Sequence[str],
     logs: Sequence[Log],
     holdout: Sequence[Log],
     fixed: Sequence[str],
@@ -157,7 +159,7 @@ def _diagnosed(
     report: Callable[[float, str], None],
 ) -> Diagnosis:
     report(0.0, "reading the measurements")
-    warnings = [*left_out(model, names), *check_logs(model, logs, holdout)]
+    warnings = [*assumed, *left_out(model, names), *check_logs(model, logs, holdout)]
     data = gather(model, logs)
     report(0.05, "fitting the model as it is")
     try:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from hovercontrol.core.block import Block
 from hovercontrol.effects import Shape
@@ -110,6 +111,41 @@ def named(subject: Subject, names: Sequence[str]) -> tuple[str, ...]:
     if twice:
         raise InputError(f"coefficient {twice[0]!r} is named twice")
     return tuple(found)
+
+
+def with_known_period(
+    model: Subject, names: Sequence[str] | None, fixed: Sequence[str]
+) -> tuple[Subject, list[str]]:
+    """Return a sampled model of which it is settled which parameter is the period, and what was assumed.
+
+    A parameter with the value of the period may be the period or a time constant that starts there. One to
+    be fitted is not the period. Of the others those that are fixed are meant, if any is, and a single one is
+    the period.
+
+    Parameters
+    ----------
+    names : sequence of str or None
+        Coefficients to fit; None for all.
+    fixed : sequence of str
+        Coefficients that keep their values.
+
+    Raises
+    ------
+    InputError
+        If all coefficients are to be fitted and two may be the period, or a name is unknown.
+    """
+    if not isinstance(model, BlockModel) or not model.period:
+        return model, []
+    fitted, kept, said = named(model, names or ()), named(model, fixed), list[str]()
+    settled = model.period_parameter is not None
+    equal = [n for n in (model.periods() if settled else model.equal_to_period()) if n not in fitted]
+    found = [n for n in equal if n in kept] or equal
+    if names is None and not settled and found and found[0] not in kept:
+        what = f"{model.name}: {' and '.join(map(repr, found))} = {model.period:g} s, as the period"
+        if len(found) > 1:
+            raise InputError(f"{what}: fix the one that is the period, as in fixed=[{found[0]!r}]")
+        said = [f"{what}: it is kept; fixed=[{found[0]!r}] confirms it, another start value has it fitted"]
+    return (replace(model, period_parameter="".join(found)) if len(found) < 2 else model), said
 
 
 def same_widths(model: Subject) -> dict[str, str]:

@@ -29,7 +29,7 @@ from hovercontrol.estimation.fit import Fit, refit, scored
 from hovercontrol.estimation.measure import MOST_ROWS, Measured, angles, measure, refuse_still
 from hovercontrol.estimation.noise import averaging_time
 from hovercontrol.estimation.prior import prior_of
-from hovercontrol.estimation.subject import named
+from hovercontrol.estimation.subject import named, with_known_period
 from hovercontrol.fmi.replay.plant import FmuPlant
 from hovercontrol.identify.fmu import FmuIdentified, identify_fmu
 from hovercontrol.identify.predict import prediction
@@ -99,7 +99,8 @@ def identify(
         a Block, linear or not; of a craft its linear coefficients. Of an FMU: its parameters, by default
         those of its ``fit``.
     fixed : sequence of str, optional
-        Names of parameters that keep their values: a known gravity, a mass that was weighed.
+        Names of parameters that keep their values: a known gravity, a mass that was weighed, the period of a
+        sampled Block.
     most_rows : int, optional
         Maximum number of rows of all logs together. Longer logs are reduced to evenly spaced stretches. All
         rows are used for an FMU.
@@ -132,15 +133,18 @@ def identify(
         if len(own) < len(logs):
             raise InputError(f"{model.name}: an FMU is fitted to logs, found prepared measurements")
         return identify_fmu(model, own, coefficients, fixed=fixed, progress=progress)
-    names, kept = chosen(model, coefficients, fixed), named(as_model(model), fixed)
+    model, assumed = with_known_period(as_model(model), coefficients, fixed)
+    for line in assumed:
+        warnings.warn(line, stacklevel=3)
+    names, kept = chosen(model, coefficients, fixed), named(model, fixed)
     if not logs:
         raise InputError("identification needs at least one log")
-    if as_model(model).is_craft:
+    if model.is_craft:
         refuse_other_units(logs)
     report(0.0, "reading the measurements")
     measured = measure_shared(model, logs, most_rows)
     with threadpool_limits(1, "blas"):  # with many small matrices BLAS threads would wait for each other
-        data = gather(as_model(model), measured).joined
+        data = gather(model, measured).joined
         fit = _fitted(model, data, names, report)
         found = _identified(model, names, kept, data, fit, report)
     report(1.0, "done")

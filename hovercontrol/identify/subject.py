@@ -23,17 +23,12 @@ def chosen(model: AnyModel, names: Sequence[str] | None, fixed: Sequence[str] = 
     Raises
     ------
     InputError
-        If a name is unknown (the message names the nearest), listed twice, both fitted and fixed, the period
-        of a sampled model, or no coefficient is left.
+        If a name is unknown (the message names the nearest), listed twice, both fitted and fixed, or no
+        coefficient is left.
     """
     subject = as_model(model)
     kept = named(subject, fixed)
     found = subject.free_coefficients() if names is None else named(subject, names)
-    for name in found:
-        if name in subject.periods():
-            raise InputError(
-                f"coefficient {name!r} is the period of {model.name!r}, {subject.period:g} s: it is known"
-            )
     both = [name for name in found if name in kept] if names is not None else []
     if both:
         raise InputError(f"coefficient {both[0]!r} is to be fitted and fixed")

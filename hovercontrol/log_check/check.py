@@ -15,7 +15,7 @@ from hovercontrol.core.boundary import checked
 from hovercontrol.discrepancy.checks import check_fitted, check_logs, slow_rows
 from hovercontrol.errors import InputError
 from hovercontrol.estimation.measure import angles
-from hovercontrol.estimation.subject import Subject, structure
+from hovercontrol.estimation.subject import Subject, structure, with_known_period
 from hovercontrol.fmi.replay.plant import FmuPlant
 from hovercontrol.identify import identify
 from hovercontrol.identify.fmu import trial_fit
@@ -280,6 +280,8 @@ def _shown(
     report: Callable[[float, str], None],
 ) -> Trial:
     try:
+        model, assumed = with_known_period(model, None, fixed)
+        warnings += assumed
         with catch_warnings(action="ignore", category=UserWarning):  # already reported by earlier checks
             trial = identify(
                 model,

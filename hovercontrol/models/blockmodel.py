@@ -28,7 +28,7 @@ from hovercontrol.effects.measurement import TimeOffset
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.models.actuated import saturated
 from hovercontrol.models.base import EffectModel, as_measured, delays_of, effect_lines, rate_limit
-from hovercontrol.models.rates import is_period, late_inputs, next_value, rate_form
+from hovercontrol.models.rates import equals_period, late_inputs, next_value, rate_form
 
 #: Names that a signal may not have, and why.
 TAKEN = {
@@ -57,6 +57,9 @@ class BlockModel(EffectModel):
         Effects of the model.
     limited : bool, optional
         Whether the plant's inputs saturate at their bounds, before any effect acts on them.
+    period_parameter : str, optional
+        Name of the parameter that is the sampling period, ``""`` if none is. Default: the parameter in
+        seconds with the value of the period, if there is only one.
 
     Raises
     ------
@@ -95,6 +98,7 @@ class BlockModel(EffectModel):
     catalogue: tuple[str, ...] | None = None
     effects: tuple[Effect, ...] = field(default=())
     limited: bool = False
+    period_parameter: str | None = None
 
     def __repr__(self) -> str:
         return "\n".join([f"BlockModel of {block_line(self.block)}", *effect_lines(self.effects)])
@@ -109,6 +113,8 @@ class BlockModel(EffectModel):
         for s in (*self.block.states, *self.block.inputs, *self.block.parameters, *self.block.outputs):
             if s.name in TAKEN:
                 raise InputError(self.block.where(f"reserved signal name {s.name!r}: {TAKEN[s.name]}"))
+        if self.period_parameter:
+            object.__setattr__(self, "period_parameter", self.coefficient_name(self.period_parameter))
         self._refuse_twice()
         if self.block.period:
             self._refuse_modes()
@@ -135,9 +141,19 @@ class BlockModel(EffectModel):
         """Sampling period of a Block that holds next values [s]; 0 for a continuous one."""
         return self.block.period
 
+    def equal_to_period(self) -> tuple[str, ...]:
+        """Return the names of the parameters in seconds with the value of the sampling period."""
+        return tuple(name for name, p in self._parameters.items() if equals_period(self.block, p))
+
     def periods(self) -> tuple[str, ...]:
-        """Return the names of the parameters that are the sampling period; they are known."""
-        return tuple(name for name, p in self._parameters.items() if is_period(self.block, p))
+        """Return the name of the parameter that is the sampling period, if one is; it is known."""
+        equal = self.equal_to_period()
+        if self.period_parameter is None:
+            return equal if len(equal) == 1 else ()
+        return tuple(name for name in equal if name == self.period_parameter)
+
+    def _rate_form(self) -> Block:
+        return rate_form(self.block, [self._parameters[name] for name in self.periods()])
 
     @property
     def motion(self) -> tuple[str, ...]:
@@ -159,13 +175,14 @@ class BlockModel(EffectModel):
 
     @property
     def signature(self) -> tuple[Hashable, ...]:
-        """Everything that determines the plant except the values of coefficients."""
+        """Everything that determines the plant except the values of coefficients other than the period."""
         block = self.block
         parameters = ((s.name, s.unit, s.nominal, s.lower, s.upper) for s in block.parameters)
         expressions = (block.derivatives, block.output_expressions, block.definitions)
         return (
             self.name,
             (block.states, block.inputs, block.outputs, tuple(parameters), self.limited, block.period),
+            self.periods(),
             *(tuple(e.items()) for e in expressions),
             *(type(e) for e in self.effects),
         )
@@ -175,7 +192,7 @@ class BlockModel(EffectModel):
         """The effects made for the Block's own equations, inputs and outputs."""
         if not self.period:
             return generic_effects(self.block)
-        found = generic_effects(rate_form(self.block))
+        found = generic_effects(self._rate_form())
         return {name: cls for name, cls in found.items() if _fits_steps(cls)}
 
     def accepts(self, cls: type[Effect]) -> bool:
@@ -394,7 +411,7 @@ class BlockModel(EffectModel):
 
     def _amended(self, late: bool, fastest: float | None, *, rates: bool = False) -> Block:
         """Return the Block with the effects, or, of a sampled Block, its rates with the effects."""
-        block = rate_form(self.block) if rates else self.block
+        block = self._rate_form() if rates else self.block
         step = Signal("period", "s", "sampling period", start=block.period) if block.period else None
         lags, way = self._way(limited=rates and self.limited)
         memory = self._remembered(way, lags, step) if step and not late else {}

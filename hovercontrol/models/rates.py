@@ -11,6 +11,7 @@ Effects, process noise and statistics of accelerations are stated in rates, in u
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 
 import sympy as sp
 
@@ -20,21 +21,26 @@ from hovercontrol.core.signals import Signal
 from hovercontrol.core.units import dimension
 
 
-def rate_form(block: Block) -> Block:
+def rate_form(block: Block, known: Collection[Signal]) -> Block:
     """Return the continuous Block with the rates of a sampled one; it is not checked, its units lack 1/s.
+
+    Parameters
+    ----------
+    known : collection of Signal
+        Parameters that are the period; its value replaces them.
 
     Examples
     --------
     >>> q, v = Signal("q", "rad"), Signal("v", "rad/s")
     >>> c, T = Signal("c", "1/s", start=2.0), Signal("T", "s", start=0.05)
     >>> steps = {"q": q.symbol + T.symbol * v.symbol, "v": (1 - T.symbol * c.symbol) * v.symbol}
-    >>> print(rate_form(Block("wheel", [q, v], [], [q], [c, T], steps, period=0.05)).equations())
+    >>> print(rate_form(Block("wheel", [q, v], [], [q], [c, T], steps, period=0.05), [T]).equations())
     q' = v
     v' = -c*v
     """
-    known = {s.symbol: sp.Float(block.period) for s in block.parameters if is_period(block, s)}
+    value = {s.symbol: sp.Float(block.period) for s in known}
     expressions = (block.derivatives, block.output_expressions, block.definitions)
-    laws, shown, definitions = ({n: e.xreplace(known) for n, e in es.items()} for es in expressions)
+    laws, shown, definitions = ({n: e.xreplace(value) for n, e in es.items()} for es in expressions)
     rates = {s.name: _rate(laws[s.name] - s.symbol, block.period) for s in block.states}
     return block.unchecked(
         derivatives=Expressions(rates),
@@ -44,8 +50,8 @@ def rate_form(block: Block) -> Block:
     )
 
 
-def is_period(block: Block, parameter: Signal) -> bool:
-    """Return whether a parameter of a sampled Block is its period: a time [s] of that value. It is known."""
+def equals_period(block: Block, parameter: Signal) -> bool:
+    """Return whether a parameter of a sampled Block is a time [s] with the value of the period."""
     return block.period > 0.0 and parameter.start == block.period and parameter.dimension == dimension("s")
 
 

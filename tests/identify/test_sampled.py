@@ -1,7 +1,10 @@
 """A Block of next values is fitted as a map, like least squares on the output error and from row to row."""
 
+import re
+
 import numpy as np
 import pytest
+import sympy as sp
 from scipy.optimize import least_squares
 
 import hovercontrol as hc
@@ -114,9 +117,50 @@ def test_rows_that_are_no_ticks_are_refused_in_one_line():
             hc.identify(cart(), [other])
 
 
-def test_the_period_is_not_fitted_by_name_either():
-    with pytest.raises(InputError, match=r"coefficient 'h' is the period of 'cart', 0.05 s: it is known"):
-        hc.identify(cart(), [log_of(commands(200, 3))], ["h", "d"])
+def lag(h, tau):
+    y, u = hc.Signal("y", "V"), hc.Signal("u", "V")
+    h, tau, k = hc.Signal("h", "s", start=h), hc.Signal("tau", "s", start=tau), hc.Signal("k", "1", start=1.0)
+    step = (1 - sp.exp(-h.symbol / tau.symbol)) * (k.symbol * u.symbol - y.symbol)
+    return hc.Block("lag", [y], [u], [y], [h, tau, k], {"y": y.symbol + step}, period=1.0)
+
+
+def lagging(n=400):
+    u = commands(n, 5)
+    y = opened(u, 1 - np.exp(-1 / 4.0), 2 * (1 - np.exp(-1 / 4.0)))
+    return hc.Log("lag", np.arange(n), {"y": y + 0.01 * np.random.default_rng(6).normal(size=n), "u": u})
+
+
+def assert_lag(found):
+    for name, true in (("tau", 4.0), ("k", 2.0)):
+        assert abs(found[name].value - true) < 4.0 * found[name].std < 0.05 * true
+
+
+def test_a_fit_does_not_depend_on_an_earlier_one_whose_time_constant_began_at_the_period():
+    hc.identify(lag(1.0, 1.0), [lagging()], ["k"], fixed=["tau"])
+    assert_lag(hc.identify(lag(1.0, 3.0), [lagging()], fixed=["h"]))
+
+
+def test_of_two_times_with_the_value_of_the_period_the_user_says_which_it_is():
+    for call in (hc.identify, hc.diagnose):
+        with pytest.raises(
+            InputError, match=r"lag: 'h' and 'tau' = 1 s, as the period: fix the one .*\['h'\]"
+        ):
+            call(lag(1.0, 1.0), [lagging()])
+    found = hc.identify(lag(1.0, 1.0), [lagging()], fixed=["h"])
+    assert_lag(found)
+    assert [(c.name, c.kept) for c in found.kept] == [("h", "the sampling period")]
+    assert_lag(hc.identify(lag(1.0, 1.0), [lagging()], ["tau", "k"]))
+    assert hc.diagnose(lag(1.0, 1.0), [lagging()], fixed=["h"]).effects == ()
+
+
+def test_a_time_kept_as_the_period_is_said_and_is_fitted_if_named():
+    says = "lag: 'tau' = 1 s, as the period: it is kept; fixed=['tau'] confirms it"
+    with pytest.warns(UserWarning, match=re.escape(says)):
+        hc.identify(lag(0.5, 1.0), [lagging()])
+    assert any(says in w for w in hc.diagnose(lag(0.5, 1.0), [lagging()]).warnings)
+    assert any(says in w for w in hc.check(lag(0.5, 1.0), [lagging()]).warnings)
+    found = hc.identify(lag(0.5, 1.0), [lagging()], ["tau", "k"])
+    assert found["tau"].value == pytest.approx(2.0, abs=4 * found["tau"].std)
 
 
 @pytest.mark.parametrize("hidden", ["nothing", "delay", "dead zone"])
