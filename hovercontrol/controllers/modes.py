@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hovercontrol.core.caller import caller_level
 from hovercontrol.core.linear_systems import growth
 from hovercontrol.errors import InputError
 
@@ -97,6 +99,35 @@ def refuse_unweighted(where: str, A: Array, Q: Array, names: Sequence[str], *, s
             f"{where}: Q does not weight the mode at {_pole(pole, sampled)}, "
             f"which moves {combination(right, names)}; "
             "give one of these a weight or leave it out (states=...)"
+        )
+
+
+def warn_of_unmoved(
+    where: str, A: Array, B: Array, Q: Array, names: Sequence[str], inputs: Sequence[str]
+) -> None:
+    """Warn of each input that moves no weighted state, if another input does not move them all.
+
+    Its optimal gain is 0. An input moves the states in its column of ``B, A B, A^2 B, ...``.
+
+    Parameters
+    ----------
+    where : str
+        Of the warning.
+    A, B, Q : ndarray, shapes (n, n), (n, m) and (n, n)
+        Of the derivatives, or of the next values of a sampled plant, and the states' weights.
+    names, inputs : sequence of str
+        Of the states and inputs.
+    """
+    least = RANK * np.linalg.norm(np.hstack([A, B]), 2)
+    moves, weighted = np.abs(B) > least, np.diag(Q) > 0.0
+    for _ in names:
+        moves |= (np.abs(A) > least) @ moves
+    unmoved = " and ".join(np.array(names)[weighted & ~moves.any(axis=1)])
+    for name in np.array(inputs)[~moves[weighted].any(axis=0)] if unmoved else ():
+        warnings.warn(
+            f"{where}: at this point {name} cannot move {unmoved}: the gain is 0; "
+            "choose another operating point",
+            stacklevel=caller_level(),
         )
 
 

@@ -22,7 +22,7 @@ from hovercontrol.controllers.approach import (
     way_status,
 )
 from hovercontrol.controllers.closed_loop import Motion
-from hovercontrol.controllers.optimizer import Memory, Optimizer, Solver, UnsolvedError
+from hovercontrol.controllers.optimizer import TOLERANCE, Memory, Optimizer, Solver, UnsolvedError
 from hovercontrol.controllers.plans import Planner, Sample
 from hovercontrol.controllers.shooting import Stage, transcribe
 from hovercontrol.controllers.way_reference import WayReference
@@ -178,14 +178,11 @@ class MPC:
             plan = self._planner.plan(self._shifted(memory, x0), at)
         except UnsolvedError as error:
             raise InputError(f"{self.name}: no plan from the state {x0.tolist()}: {error}") from None
-        errors, note = r[:, 0] - x0[self._every], ""
+        note = ""
         if plan.fault:
             note = f"no solution at sample {memory.samples}, the best known plan goes on: {plan.fault}"
-        elif not (memory.samples or plan.moves) and errors.any():
-            note = (
-                "the first plan holds the inputs: no other within their limits is predicted to cost less, "
-                f"though {self._status(np.tile(errors, (4, 1)))}"
-            )
+        elif not (memory.samples or plan.moves):
+            note = self._resting(plan.w[self.problem.states][:, self._every].T, r)
         # the solver meets the limits to its tolerance; the command meets them exactly
         fast = self.stage.rate * self.stage.period
         low, high = (
@@ -195,6 +192,23 @@ class MPC:
         first = np.clip(plan.w[self.problem.inputs[0]], low, high)
         failures = memory.failures + bool(plan.fault)
         return first, Memory(plan.w, first, progress, memory.samples + 1, failures), note
+
+    def _resting(self, x: Array, r: Array) -> str:
+        """Return a note if a plan that holds the inputs brings the plant no nearer to its reference.
+
+        Nearer is ``sum_k |r_k - x_k|_Q^2 < sum_k |r_k - x_0|_Q^2`` for the predicted states x_k.
+
+        Parameters
+        ----------
+        x, r : ndarray, shape (n_tracked, horizon + 1)
+        """
+        moving, still = (float(np.sum(self._own_weights @ (r - at) ** 2)) for at in (x, x[:, :1]))
+        if moving < still * (1.0 - TOLERANCE) or not still:
+            return ""
+        return (
+            "the first plan holds the inputs: no other within their limits is predicted to cost less, "
+            f"though {self._status(np.tile(r[:, -1] - x[:, -1], (4, 1)))}"
+        )
 
     def _shifted(self, memory: Memory, x0: Array) -> Array:
         """Return the previous solution one period later; at first constant inputs."""

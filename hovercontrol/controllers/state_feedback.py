@@ -15,7 +15,7 @@ from scipy.signal import place_poles
 from hovercontrol.controllers.design import Design, by_name, design_of
 from hovercontrol.controllers.feedback import Form, Gains, state_feedback
 from hovercontrol.controllers.friction_feedforward import feedforward
-from hovercontrol.controllers.modes import refuse_unmovable, refuse_unweighted
+from hovercontrol.controllers.modes import refuse_unmovable, refuse_unweighted, warn_of_unmoved
 from hovercontrol.controllers.weights import Weights, chosen_weights, weight_matrix
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
@@ -106,6 +106,11 @@ def lqr(
     InputError
         If a name is unknown, a weight is not positive (semi)definite, a state moves at the operating point,
         no input moves a mode that does not decay, or no weight sees one on the imaginary axis.
+
+    Warns
+    -----
+    UserWarning
+        If at the operating point no input moves a state with a weight, and the gain of one is 0.
 
     References
     ----------
@@ -245,11 +250,17 @@ def refuse_unsolvable(where: str, design: Design, Q: Array) -> None:
     ------
     InputError
         Naming the mode.
+
+    Warns
+    -----
+    UserWarning
+        If an input's gain is 0 and no input moves a state with a weight.
     """
     A, B = design.with_integrals()
     names, sampled = [*design.names, *design.integral_names], design.period > 0.0
     refuse_unmovable(where, A, B, names, design.input_names, every=False, sampled=sampled)
     refuse_unweighted(where, A, Q, names, sampled=sampled)
+    warn_of_unmoved(where, A, B, Q, names, design.input_names)
 
 
 def optimal_gains(where: str, design: Design, Q: Array, R: Array) -> tuple[Array, Array]:

@@ -76,7 +76,9 @@ class BlockSystem(control.NonlinearIOSystem):
     ``block.to_control("left")`` is ``left.yaw_coulomb``. They follow when the system is copied or renamed; a
     suffix that python-control adds (``left$sampled``) is no part of them. An unknown key raises an error.
     Inside a ``control.interconnect``, where every subsystem gets the keys of all others, only a key that
-    begins with this system's name must be one of its own.
+    begins with this system's name must be one of its own. Of two systems of one name python-control numbers
+    the states of the second (``left_1_u``) but not the system: ``left.yaw_coulomb`` reaches both, and
+    ``left_1.yaw_coulomb`` none. Give each its name: ``block.to_control("right")``.
 
     Parameters
     ----------

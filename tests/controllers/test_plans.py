@@ -67,6 +67,19 @@ def test_where_rest_is_the_cheapest_plan_a_warning_says_so():
         assert not controller.simulate(2.0, reference={"v": 0.5}).reached
 
 
+@pytest.mark.parametrize("horizon", [2, 20])
+def test_where_holding_the_inputs_brings_the_state_nearer_nothing_is_said(horizon):
+    # v' = 2 q - v/2 with q <= 0: of all plans q = 0 comes nearest to a reference between 0 and v
+    plant = driven(q, Q)
+    controller = hc.mpc(plant, period=0.2, horizon=horizon, weights={"v": 1.0}, limits={"q": (-1.0, 0.0)})
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert controller.control([-1.0], {"v": -0.1}) == pytest.approx(0.0, abs=1e-4)
+    controller.reset()
+    with pytest.warns(UserWarning, match=r"the first plan holds the inputs.* v stays .* from its reference"):
+        controller.control([1.0], {"v": 2.0})  # v falls
+
+
 def test_a_point_without_derivatives_is_named():
     h, flow, k = hc.Signal("h", "m"), hc.Signal("flow", "m/s"), hc.Signal("k", "m^(1/2)/s", start=1.0)
     tank = hc.Block("tank", [h], [flow], [h], [k], {"h": flow.symbol - k.symbol * sp.sqrt(h.symbol)})

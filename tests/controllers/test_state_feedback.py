@@ -1,5 +1,7 @@
 """LQR and pole placement about an operating point, against python-control's own and SciPy's."""
 
+import warnings
+
 import control
 import numpy as np
 import pytest
@@ -316,6 +318,25 @@ def test_a_craft_at_rest_cannot_be_steered_and_the_line_names_the_mode():
     text = refusal(hc.lqr, plant, straight(0.0, 0.0), {"psi": 1.0}, {"rudder": 1.0})
     assert text.startswith("lqr: rudder cannot move the mode at 0 1/s, the state combination")
     assert "psi" in text
+
+
+@pytest.mark.parametrize("period", [None, 0.1])
+def test_an_input_without_effect_at_the_operating_point_is_named(period):
+    x, z, u, w = (hc.Signal(name, unit) for name, unit in zip("xzuw", ["m", "m", "m/s", "m/s"], strict=True))
+    k, c = hc.Signal("k", "1/s", start=1.0), hc.Signal("c", "m/s", start=1.0)
+    rates = {"x": u.symbol * abs(u.symbol) / c.symbol - k.symbol * x.symbol}
+    rates["z"] = w.symbol - k.symbol * z.symbol
+    plant = hc.Block("b", [x, z], [u, w], [x, z], [k, c], rates)
+    rest, moving = (plant.trim({"x": at, "z": 0.0}) for at in (0.0, 1.0))
+    # w moves z alone
+    for Q, R in (({"x": 1.0}, {"u": 1.0}), ({"x": 1.0, "z": 1.0}, {"u": 1.0, "w": 1.0})):
+        with pytest.warns(UserWarning, match="lqr: at this point u cannot move x: the gain is 0") as said:
+            found = hc.lqr(plant, rest, Q, R, period=period)
+        assert len(said) == 1 and found.default_parameters["controller.K_u_x"] == 0.0
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        hc.lqr(plant, moving, {"x": 1e-6}, {"u": 1e6, "w": 1.0}, period=period)  # w is not needed
+        hc.lqr(plant, rest, {"z": 1.0}, {"u": 1.0, "w": 1.0}, period=period)
 
 
 def test_a_state_that_drifts_without_a_weight_is_named():
