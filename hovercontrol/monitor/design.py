@@ -35,6 +35,8 @@ class Design:
         Runge-Kutta steps per tick.
     settle : float
         Time after the start and after a reset before which the tests do not begin [s].
+    outliers_within : float
+        Time within which a few outliers of a channel are left out [s].
     """
 
     model: Observed
@@ -46,6 +48,7 @@ class Design:
     first: int
     substeps: int
     settle: float = 2.0
+    outliers_within: float = 1.0
 
 
 def estimation_model(

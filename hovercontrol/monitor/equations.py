@@ -126,8 +126,9 @@ def _assembled(
     states = filter_states(model)
     prior = estimate_of(states, n)
     sensors = check_samples(
-        model, write, prior, design.period, step, own.dead_after.symbol, repeats=design.repeats
-    )
+        model, write, prior, design.period, design.outliers_within, step, own.dead_after.symbol,
+        repeats=design.repeats,
+    )  # fmt: skip
     steps = corrections(sensors.observed, write, prior)
     now = steps[-1].estimate
     # The candidates act on the true motion: after an alarm, the estimate is corrected by the named change.

@@ -46,6 +46,9 @@ Array = NDArray[np.float64]
 #: Time without a sample after which a sensor is dead, and time until the tests begin [s] (:mod:`.pace`).
 DEAD_AFTER, SETTLE = 1.0, 2.0
 
+#: Time within which a few outliers are left out [s]; of a slow machine as many ticks as of one of 0.1 s.
+OUTLIERS_WITHIN = 1.0
+
 #: Length of the shortest window [s]; the windows' lengths grow by factors of 2.
 SHORTEST = 0.25
 
@@ -191,6 +194,7 @@ def monitor(
         max(1, round(shortest / tick)),
         steps,
         settle,
+        max(OUTLIERS_WITHIN, paced(OUTLIERS_WITHIN, tick, is_craft=craft.is_craft)),
     )
     shown, innovations = along_motion(design, path)
     phi = dispersion_of(shown, innovations) if dispersion else np.ones(len(found))

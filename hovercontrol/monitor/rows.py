@@ -38,8 +38,8 @@ class _Header:
 class Rows:
     """Rows of a table of text with a header, line by line.
 
-    A line with the names of the columns is a header wherever it stands: a logger may start again in the same
-    file or pipe.
+    A line with the names of all columns that are read is a header wherever it stands: a logger may start
+    again in the same file or pipe.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ class Rows:
             self._use(self._header, dict(zip(self._header.names, units, strict=True)))
             return
         fault = "a comment" if comment else self._fault(cells)
-        if fault and (again := self._best(text)) and self._is_header(again, comment):
+        if fault and self._has(again := self._best(text)) == len(self._names):
             yield from self._again(again)
         elif fault:
             yield from () if comment else self._left_out(fault, line)
@@ -145,14 +145,6 @@ class Rows:
         elif (row and not comment) or self._lines == NO_HEADER:
             raise InputError(f"{self._source}: expected a header with {self._wanted()}, found {line[:40]!r}")
 
-    def _is_header(self, header: _Header, comment: bool) -> bool:
-        """Return whether a line that is no row is a further header: of known names, or all of other names."""
-        assert self._header is not None
-        if comment or set(header.names) & set(self._header.names):
-            return self._has(header) >= (len(self._names) if comment else 1)
-        names = set(header.written)
-        return len(names) == len(self._header.written) > 1 and all(name[:1].isalpha() for name in names)
-
     def _again(self, header: _Header) -> Iterator[Note]:
         """Read a further header."""
         before, self._header, self._places = self._header, header, {}
@@ -187,7 +179,7 @@ class Rows:
         assert self._header is not None
         count = len(self._header.written)
         if not self._places:
-            return "the header above lacks columns"
+            return "the header above cannot be used"
         if len(cells) < count or any(cell.strip() for cell in cells[count:]):
             return f"expected {count} values as in the header, found {len(cells)}"
         used = [cells[k].strip() for k, _, _ in self._places.values()]

@@ -1,9 +1,9 @@
 """Lost, repeated and outlying samples of a monitor's measured channels, as equations of its Block.
 
 A sample is used if it is marked as present, differs from the sample before, and is not an outlier: an
-innovation of more than :data:`GATE` standard deviations, unless :data:`PER_SECOND` of them were left out
-within the last second, since a change is then likelier than so many outliers. A sensor is dead if no new
-sample has come for a given time.
+innovation of more than :data:`GATE` standard deviations, unless :data:`MOST` of them were left out within a
+given time, since a change is then likelier than so many outliers. A sensor is dead if no new sample has come
+for a given time.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from hovercontrol.estimators.observed import Observed
 #: Standard deviations of its innovation beyond which a sample is an outlier; noise exceeds it once in 2 10^6.
 GATE = 5.0
 
-#: Outliers that are left out in a second.
-PER_SECOND = 3
+#: Outliers of a channel that are left out within the given time.
+MOST = 3
 
 
 @dataclass(frozen=True)
@@ -35,9 +35,9 @@ class Sensors:
     states : tuple of Signal
     next_values : dict of str to sympy.Expr
     many : list of sympy.Expr
-        1 for each channel with so many outliers within a second that none is left out.
+        1 for each channel with so many outliers within the given time that none is left out.
     jump : sympy.Expr
-        1 at the first outlier within a second: a sensor may have changed there.
+        1 at the first outlier within the given time: a sensor may have changed there.
     dead : list of sympy.Expr
         1 for each channel whose sensor is dead.
     """
@@ -55,6 +55,7 @@ def check_samples(
     write: Equations,
     prior: Estimate,
     seconds: float,
+    within: float,
     period: sp.Expr,
     dead_after: sp.Expr,
     *,
@@ -68,6 +69,8 @@ def check_samples(
         Before the measurement update.
     seconds : float
         Time between two ticks [s].
+    within : float
+        Time within which :data:`MOST` outliers are left out [s], of more than :data:`MOST` ticks.
     period, dead_after : sympy.Expr
         Time between two ticks, and time without a new sample after which a sensor is dead [s].
     repeats : bool
@@ -80,7 +83,7 @@ def check_samples(
     for i, s in enumerate(model.measured):
         last = Signal(f"last[{i}]", s.unit, f"last value of {s.name}")
         silent = Signal(f"silent[{i}]", "s", f"time without a new sample of {s.name}")
-        left_out = Signal(f"left_out[{i}]", "1", f"outliers of {s.name} left out within a second")
+        left_out = Signal(f"left_out[{i}]", "1", f"outliers of {s.name} left out lately")
         states += [last, silent, left_out]
         present = model.fresh[i] > sp.S.Half
         if not repeats:
@@ -89,7 +92,7 @@ def check_samples(
         difference = s.symbol - h[i]
         away = wrapped(difference) if s.unit == "rad" else difference
         variance = (H[i, :] * prior.P * H[i, :].T)[0] + model.noise[i].symbol ** 2
-        spent = sp.Piecewise((1, left_out.symbol > PER_SECOND - 1), (0, True))
+        spent = sp.Piecewise((1, left_out.symbol > MOST - 1), (0, True))
         many.append(write.define(f"many[{i}]", spent))
         outlier = write.define(
             f"outlier[{i}]",
@@ -111,7 +114,7 @@ def check_samples(
         following |= {
             last.name: sp.Piecewise((s.symbol, model.fresh[i] > sp.S.Half), (last.symbol, True)),
             silent.name: quiet,
-            left_out.name: sp.Max(0, left_out.symbol - sp.Float(PER_SECOND * seconds)) + outlier,
+            left_out.name: sp.Max(0, left_out.symbol - sp.Float(MOST * seconds / within)) + outlier,
         }
     jump = write.define("jump", sp.Max(*first))
     return Sensors(replace(model, lost=tuple(used)), tuple(states), following, many, jump, dead)

@@ -212,10 +212,18 @@ def test_a_header_is_a_header_wherever_and_however_it_stands(lines, said):
     assert events[-1]["bad_rows"] == events[-1]["late_rows"] == 0
 
 
-@pytest.mark.parametrize("header", [["time", "F", "w"], ["stamp", "pos", "force"]])
-def test_rows_below_a_header_without_the_columns_are_left_out(header):
+@pytest.mark.parametrize("at_row", [1, 100])
+@pytest.mark.parametrize("line", ["sensor,time,out", "boot,ok,v1", "abc,def,ghi", "time,F,w"])
+def test_a_line_that_lacks_columns_is_one_bad_row_and_the_header_stays(line, at_row):
+    rows = text(cells())
+    events = told([*rows[:at_row], f"{line}\n", *rows[at_row:]])
+    assert kinds(events) == ["bad", "alarm", "named"] and names(events) == ["c"]
+    assert events[-1]["bad_rows"] == 1 and events[-1]["restarts"] == 0
+
+
+def test_rows_below_a_header_with_a_unit_of_another_quantity_are_left_out():
     rows = cells()
-    events = told(text([*rows[:100], header, *rows[100:]]))
+    events = told(text([*rows[:100], ["time", "p [N]", "F"], *rows[100:]]))
     assert kinds(events)[:2] == ["header", "bad"] and "dead" in kinds(events)
     assert events[-1]["bad_rows"] == 501
 
