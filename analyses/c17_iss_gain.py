@@ -1,6 +1,6 @@
 """C17 Theorem 5 and (27): what wrong coefficients cost, by the input-to-state gain and simulated."""
 
-from hovercontrol.analysis.output import script
+from hovercontrol.control.analysis.output import script
 from hovercontrol.documents.c17.iss_gain import main
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """What each imperfection of K06's real loop costs in each trial, and whether INS noise dominates."""
 
-from hovercontrol.analysis.output import script
+from hovercontrol.control.analysis.output import script
 from hovercontrol.documents.k06.budget import main
 
 if __name__ == "__main__":

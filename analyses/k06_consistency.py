@@ -1,6 +1,6 @@
 """Whether the navigation filters' errors are as large as their covariances say: NEES and NIS."""
 
-from hovercontrol.analysis.output import script
+from hovercontrol.control.analysis.output import script
 from hovercontrol.documents.k06.consistency import main
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """What delay, jitter and loss K06's forward law bears, and C17's tracking loop along its ellipse."""
 
-from hovercontrol.analysis.output import script
+from hovercontrol.control.analysis.output import script
 from hovercontrol.documents.k06.margins import main
 
 if __name__ == "__main__":

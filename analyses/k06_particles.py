@@ -1,6 +1,6 @@
 """K06 chapter 7: the position by raw ranges, a particle filter against the extended Kalman filter."""
 
-from hovercontrol.analysis.output import script
+from hovercontrol.control.analysis.output import script
 from hovercontrol.documents.k06.particles import main
 
 if __name__ == "__main__":

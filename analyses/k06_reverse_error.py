@@ -1,6 +1,6 @@
 """K06 figure 6.23: which missing effect leaves a steady error astern and none ahead; would a log tell."""
 
-from hovercontrol.analysis.output import script
+from hovercontrol.control.analysis.output import script
 from hovercontrol.documents.k06.reverse_error import main
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """Steering under way: the real loop's mean motion over the stick, and where C17's law holds a turn."""
 
-from hovercontrol.analysis.output import script
+from hovercontrol.control.analysis.output import script
 from hovercontrol.documents.k06.steering import main
 
 if __name__ == "__main__":

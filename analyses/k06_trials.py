@@ -1,6 +1,6 @@
 """K06's trials in the real loop over many seeds: each figure asked for, and how often it is met."""
 
-from hovercontrol.analysis.output import script
+from hovercontrol.control.analysis.output import script
 from hovercontrol.documents.k06.trial_bands import main
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """K06 chapter 7: what a variable-pitch propeller would gain, trial by trial, over K06's reversing fan."""
 
-from hovercontrol.analysis.output import script
+from hovercontrol.control.analysis.output import script
 from hovercontrol.documents.k06.variable_pitch import main
 
 if __name__ == "__main__":

@@ -9,8 +9,8 @@ from collections.abc import Callable, Iterator
 import control
 import numpy as np
 
-from hovercontrol.autopilot import autopilot, seeds
-from hovercontrol.controllers.k06 import turn
+from hovercontrol.control.autopilot import autopilot, seeds
+from hovercontrol.control.controllers.k06 import turn
 
 Row = tuple[str, str, str, bool | None]
 

@@ -9,10 +9,10 @@ from concurrent.futures import Executor, ThreadPoolExecutor
 
 import numpy as np
 
-from hovercontrol.analysis.loops import tracking_loop
-from hovercontrol.models.vehicles import c17_simulation
-from hovercontrol.targets.executors import cluster, sweep_on
-from hovercontrol.targets.sweep import FIGURES, SweepResult
+from hovercontrol.blocks.backends.executors import cluster, sweep_on
+from hovercontrol.blocks.backends.sweep import FIGURES, SweepResult
+from hovercontrol.control.analysis.loops import tracking_loop
+from hovercontrol.craft.models.vehicles import c17_simulation
 
 RUNS, TIMES = 10_000, 3
 

@@ -8,9 +8,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from benchmarks.compiled import spent
-from hovercontrol.cockpit.loops import LOOPS, loop_of
-from hovercontrol.cockpit.pacer import ROW
-from hovercontrol.models.vehicles import vehicle
+from hovercontrol.app.cockpit.loops import LOOPS, loop_of
+from hovercontrol.app.cockpit.pacer import ROW
+from hovercontrol.craft.models.vehicles import vehicle
 
 SECONDS = 20.0
 

@@ -12,12 +12,12 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from benchmarks.fused import SOLVER, systems
-from hovercontrol.controllers import tracking_controller
-from hovercontrol.core.block import Block
-from hovercontrol.core.interconnect import interconnect
-from hovercontrol.scenarios import Scenario, load_scenario
-from hovercontrol.scenarios.runner import loop_parts, phase_grid, phase_parameters
-from hovercontrol.targets.compiled import CompiledBlock, SweepResult, compile_block
+from hovercontrol.blocks.backends.compiled import CompiledBlock, SweepResult, compile_block
+from hovercontrol.blocks.block import Block
+from hovercontrol.blocks.interconnect import interconnect
+from hovercontrol.control.controllers import tracking_controller
+from hovercontrol.documents.scenarios import Scenario, load_scenario
+from hovercontrol.documents.scenarios.runner import loop_parts, phase_grid, phase_parameters
 
 RUNS = 1000
 

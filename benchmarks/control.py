@@ -17,8 +17,8 @@ import numpy as np
 from control import optimal
 
 from benchmarks.step import per_call
-from hovercontrol.models.vehicles import vehicle
-from hovercontrol.targets.optimal_control import solve_ocp
+from hovercontrol.blocks.backends.optimal_control import solve_ocp
+from hovercontrol.craft.models.vehicles import vehicle
 
 X, U = np.array([0.1, -0.2, 0.3, 0.5, -0.1, 0.8]), np.array([1.5, 0.2])
 

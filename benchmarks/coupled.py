@@ -11,8 +11,8 @@ import fmpy
 import numpy as np
 from fmpy.fmi2 import FMU2Slave
 
-from hovercontrol.commands.exportable import choose
-from hovercontrol.core.block import Block
+from hovercontrol.app.commands.exportable import choose
+from hovercontrol.blocks.block import Block
 
 STEP, END = 0.01, 10.0
 BAR = 0.002

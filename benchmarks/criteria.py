@@ -21,11 +21,11 @@ from unittest.mock import patch
 
 import numpy as np
 
-from hovercontrol.discrepancy import diagnose
-from hovercontrol.discrepancy.criteria import CRITERIA, Criteria
-from hovercontrol.discrepancy.search.fit import TRIALS
-from tests.discrepancy.kept_rows import append_rows, read_rows
-from tests.discrepancy.table import Planned, case_of, reduced
+from hovercontrol.identification.diagnose import diagnose
+from hovercontrol.identification.diagnose.criteria import CRITERIA, Criteria
+from hovercontrol.identification.diagnose.search.fit import TRIALS
+from tests.identification.diagnose.kept_rows import append_rows, read_rows
+from tests.identification.diagnose.table import Planned, case_of, reduced
 
 FEW, MANY, RERUN = 12, 40, 6
 FACTORS = (2.0, 0.5)

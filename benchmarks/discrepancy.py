@@ -17,9 +17,9 @@ from pathlib import Path
 
 import numpy as np
 
-from tests.discrepancy.imperfect import DISTURBANCES, SUITES, Key, keys
-from tests.discrepancy.kept_rows import append_rows, read_rows
-from tests.discrepancy.score import OUTCOMES, outcome, shares
+from tests.identification.diagnose.imperfect import DISTURBANCES, SUITES, Key, keys
+from tests.identification.diagnose.kept_rows import append_rows, read_rows
+from tests.identification.diagnose.score import OUTCOMES, outcome, shares
 
 #: What ``python -m benchmarks`` runs: one case of each suite.
 SAMPLE = (
@@ -64,7 +64,7 @@ class Row:
 
 def run(key: Key) -> Row:
     """Return what comes of one case."""
-    from hovercontrol.discrepancy import diagnose
+    from hovercontrol.identification.diagnose import diagnose
 
     case = key.case()
     begin = time.perf_counter()

@@ -7,11 +7,11 @@ import tempfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
+from hovercontrol.blocks.backends.compiler import find_compiler
+from hovercontrol.documents.scenarios import load_scenario
+from hovercontrol.documents.scenarios.runner import loop_parts
 from hovercontrol.fmi.exporter.sources import fmu_sources
 from hovercontrol.fmi.exporter.variables import Interface
-from hovercontrol.scenarios import load_scenario
-from hovercontrol.scenarios.runner import loop_parts
-from hovercontrol.targets.compiler import find_compiler
 
 STEPS, REPEATS = 20_000, 25
 _FLAGS = "-O3 -std=c99 -fno-math-errno -ffp-contract=off -D_POSIX_C_SOURCE=200809L".split()  # noqa: SIM905

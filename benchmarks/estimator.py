@@ -7,8 +7,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from hovercontrol.estimators import SampledEstimator
-from hovercontrol.models.vehicles import vehicle
+from hovercontrol.control.observers import SampledEstimator
+from hovercontrol.craft.models.vehicles import vehicle
 
 
 def rows() -> Iterator[tuple[str, str, str, bool | None]]:

@@ -20,12 +20,12 @@ import numpy as np
 from fmpy.fmi2 import FMU2Slave
 from fmpy.validation import validate_fmu
 
-from hovercontrol.core.block import Block
-from hovercontrol.core.interconnect import interconnect
+from hovercontrol.blocks.block import Block
+from hovercontrol.blocks.interconnect import interconnect
+from hovercontrol.craft.models.vehicles import vehicle
+from hovercontrol.documents.scenarios import load_scenario
+from hovercontrol.documents.scenarios.runner import loop_parts
 from hovercontrol.fmi.exporter.binaries import this_platform
-from hovercontrol.models.vehicles import vehicle
-from hovercontrol.scenarios import load_scenario
-from hovercontrol.scenarios.runner import loop_parts
 
 STEP = 0.05
 KINDS = [(version, kind) for version in (2, 3) for kind in ("ModelExchange", "CoSimulation")]
@@ -35,7 +35,7 @@ PYTHON_FMU = """
 from pythonfmu import Fmi2Causality, Fmi2Slave, Real
 from scipy.integrate import solve_ivp
 from hovercontrol import vehicle
-from hovercontrol.simulation.runge_kutta import rk4
+from hovercontrol.blocks.simulation.runge_kutta import rk4
 
 class Plant(Fmi2Slave):
     def __init__(self, **kwargs):
@@ -197,7 +197,7 @@ def _rows(folder: Path) -> Iterator[tuple[str, str, str, bool | None]]:
             spent.append(time.perf_counter() - begin)
         seconds = statistics.median(spent)
         yield f"{text}, to_fmu() with a warm cache", f"{seconds:.2f} s", "< 3 s", seconds < 3
-    call = [sys.executable, "-m", "hovercontrol.cli", "export", "table1", "-o", str(folder / "x.fmu")]
+    call = [sys.executable, "-m", "hovercontrol.app.cli", "export", "table1", "-o", str(folder / "x.fmu")]
     subprocess.run(call, check=True, capture_output=True)
     begin = time.perf_counter()
     subprocess.run(call, check=True, capture_output=True)

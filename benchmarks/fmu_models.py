@@ -23,8 +23,8 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import least_squares
 
 import hovercontrol as hc
-from hovercontrol.analysis.intervals import clopper_pearson
-from hovercontrol.identify.fmu import FmuIdentified
+from hovercontrol.control.analysis.intervals import clopper_pearson
+from hovercontrol.identification.identify.fmu import FmuIdentified
 from tests.fmi.test_written import ball
 from tests.fmi.written import written_fmu
 

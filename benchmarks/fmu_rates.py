@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import hovercontrol as hc
+from hovercontrol.blocks.backends.compiler import load_library
 from hovercontrol.fmi import load
 from hovercontrol.fmi.importer.model import FmuModel
-from hovercontrol.targets.compiler import load_library
 
 Array = NDArray[np.float64]
 Row = tuple[str, str, str, bool | None]

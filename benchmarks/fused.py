@@ -10,11 +10,11 @@ from collections.abc import Iterator
 import control
 import numpy as np
 
-from hovercontrol.core.interconnect import interconnect
-from hovercontrol.scenarios import load_scenario
-from hovercontrol.scenarios.runner import loop_parts, phase_grid, phase_parameters
-from hovercontrol.targets.library import Library
-from hovercontrol.targets.points import points
+from hovercontrol.blocks.backends.library import Library
+from hovercontrol.blocks.backends.points import points
+from hovercontrol.blocks.interconnect import interconnect
+from hovercontrol.documents.scenarios import load_scenario
+from hovercontrol.documents.scenarios.runner import loop_parts, phase_grid, phase_parameters
 
 SOLVER = {"solve_ivp_method": "RK45", "solve_ivp_kwargs": {"rtol": 1e-6, "atol": 1e-9}}
 

@@ -9,12 +9,12 @@ import numpy as np
 import sympy as sp
 
 from benchmarks.fused import systems
-from hovercontrol.core.block import Block
-from hovercontrol.core.delay_line import constant_delay
-from hovercontrol.core.interconnect import interconnect, rename
-from hovercontrol.core.random_numbers import random_numbers
-from hovercontrol.core.signals import Signal
-from hovercontrol.models.vehicles import vehicle
+from hovercontrol.blocks.block import Block
+from hovercontrol.blocks.delay_line import constant_delay
+from hovercontrol.blocks.interconnect import interconnect, rename
+from hovercontrol.blocks.random_numbers import random_numbers
+from hovercontrol.blocks.signals import Signal
+from hovercontrol.craft.models.vehicles import vehicle
 
 LOOPS, STEP, PERIOD = 1_000_000, 0.001, 0.02
 

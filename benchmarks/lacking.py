@@ -17,8 +17,8 @@ CASES = (
 
 _ONE = """
 import json, resource, sys, time
-from hovercontrol.discrepancy import diagnose
-from tests.discrepancy.generator import make
+from hovercontrol.identification.diagnose import diagnose
+from tests.identification.diagnose.generator import make
 names = json.loads(sys.argv[1])
 spent = []
 for seed in (40, 41):  # the first also builds what is not in the cache

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
+from hovercontrol.documents.samples import sample_path
 from hovercontrol.logs import Log, read_log
-from hovercontrol.samples import sample_path
 
 ROWS = 10_000_000
 
@@ -45,7 +45,7 @@ def rows() -> Iterator[tuple[str, str, str, bool | None]]:
 
 def run(name: str, log: Path) -> tuple[int, float, float]:
     """Return exit status, time [s] and peak memory [GiB] of a command on a log."""
-    command = [sys.executable, "-m", "hovercontrol.cli", name, str(log), "--vehicle", "c17_experiment"]
+    command = [sys.executable, "-m", "hovercontrol.app.cli", name, str(log), "--vehicle", "c17_experiment"]
     command += ["--out", str(log.parent / name)]
     quiet = [(os.POSIX_SPAWN_OPEN, n, os.devnull, os.O_WRONLY, 0) for n in (1, 2)]
     begin = time.perf_counter()

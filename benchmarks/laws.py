@@ -20,11 +20,11 @@ from pathlib import Path
 import numpy as np
 
 import hovercontrol as hc
-from hovercontrol.missing_physics.cases import with_rates
-from hovercontrol.missing_physics.machines import pendulum, ship
-from hovercontrol.simulation.reasons import StoppedError
-from tests.discrepancy.generator import Conditions, craft, given, simulated
-from tests.discrepancy.kept_rows import append_rows, read_rows
+from hovercontrol.blocks.simulation.reasons import StoppedError
+from hovercontrol.identification.benchmark.cases import with_rates
+from hovercontrol.identification.benchmark.machines import pendulum, ship
+from tests.identification.diagnose.generator import Conditions, craft, given, simulated
+from tests.identification.diagnose.kept_rows import append_rows, read_rows
 
 Random = np.random.Generator
 

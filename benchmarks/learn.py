@@ -9,8 +9,8 @@ import numpy as np
 
 from benchmarks.compiled import RUNS, loop_without_estimator, spent, sweep
 from benchmarks.step import per_call
-from hovercontrol.models.vehicles import vehicle
-from hovercontrol.scenarios import load_scenario
+from hovercontrol.craft.models.vehicles import vehicle
+from hovercontrol.documents.scenarios import load_scenario
 
 ENVIRONMENTS, STEPS = 1024, 1000
 

@@ -22,10 +22,10 @@ from numpy.typing import NDArray
 from scipy import stats
 
 import hovercontrol as hc
-from hovercontrol.core.expressions import Expressions
-from hovercontrol.core.random_numbers import random_numbers
-from hovercontrol.monitor.monitor import named_effects
-from hovercontrol.simulation.sampled import Ticking
+from hovercontrol.blocks.expressions import Expressions
+from hovercontrol.blocks.random_numbers import random_numbers
+from hovercontrol.blocks.simulation.sampled import Ticking
+from hovercontrol.identification.monitor.monitor import named_effects
 
 Array = NDArray[np.float64]
 

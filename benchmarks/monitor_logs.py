@@ -15,11 +15,11 @@ import numpy as np
 
 import hovercontrol as hc
 from benchmarks import real_craft, real_logs
-from hovercontrol.core.block import Block
-from hovercontrol.monitor.build import build
-from hovercontrol.monitor.monitor import monitor
-from hovercontrol.monitor.noise import fitted_on
-from hovercontrol.monitor.replay import replay
+from hovercontrol.blocks.block import Block
+from hovercontrol.identification.monitor.build import build
+from hovercontrol.identification.monitor.monitor import monitor
+from hovercontrol.identification.monitor.noise import fitted_on
+from hovercontrol.identification.monitor.replay import replay
 
 POSE = ["x", "y", "psi"]
 PERIOD, RATE, LAG = 0.0125, 0.1, 0.0276

@@ -11,7 +11,7 @@ from scipy import stats
 from scipy.signal import lfilter
 
 import hovercontrol as hc
-from hovercontrol.monitor import bank
+from hovercontrol.identification.monitor import bank
 
 Array = NDArray[np.float64]
 Noise = Callable[[np.random.Generator, int], Array]

@@ -5,9 +5,9 @@ from __future__ import annotations
 import random
 from collections.abc import Iterator, Mapping
 
-from hovercontrol.cockpit.loop import Loop
-from hovercontrol.cockpit.watch import Watch, watch_block
-from hovercontrol.models.vehicles import vehicle
+from hovercontrol.app.cockpit.loop import Loop
+from hovercontrol.app.cockpit.watch import Watch, watch_block
+from hovercontrol.craft.models.vehicles import vehicle
 
 #: Time of the switch [s], and values other than those of the page.
 Switches = Mapping[str, tuple[float, dict[str, float] | None]]

@@ -14,7 +14,7 @@ import numpy as np
 import sympy as sp
 
 import hovercontrol as hc
-from hovercontrol.core.delays import pade
+from hovercontrol.blocks.delays import pade
 
 S = hc.Signal
 WAYPOINTS = [[4.0, 0.0], [4.0, 2.0]]

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from hovercontrol.hardware.sensors import Beacons, corrected_range, k06_beacons, locate
+from hovercontrol.craft.hardware.sensors import Beacons, corrected_range, k06_beacons, locate
 
 Row = tuple[str, str, str, bool | None]
 

@@ -16,13 +16,13 @@ import sympy as sp
 
 from benchmarks.compiled import least, table_one
 from benchmarks.fused import systems
-from hovercontrol.core.block import Block
-from hovercontrol.core.functions import _Floats
-from hovercontrol.core.program import Program
-from hovercontrol.core.sgn import regularise
-from hovercontrol.core.signals import time
-from hovercontrol.scenarios import load_scenario
-from hovercontrol.scenarios.runner import phase_parameters
+from hovercontrol.blocks.block import Block
+from hovercontrol.blocks.functions import _Floats
+from hovercontrol.blocks.program import Program
+from hovercontrol.blocks.sgn import regularise
+from hovercontrol.blocks.signals import time
+from hovercontrol.documents.scenarios import load_scenario
+from hovercontrol.documents.scenarios.runner import phase_parameters
 
 #: Dormand and Prince, J. Comp. Appl. Math. 6, 1980: nodes, stages, and the difference of the two orders.
 C = [0, 1 / 5, 3 / 10, 4 / 5, 8 / 9, 1, 1]

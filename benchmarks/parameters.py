@@ -4,7 +4,7 @@
 
 The simulators share no code with the package: exact solutions or Runge-Kutta steps in NumPy. The output-error
 fit is ``scipy.optimize.least_squares`` on the same stretches of the logs, each with an initial state of its
-own (:mod:`hovercontrol.estimation.rows`), weighted by the noise levels of the package's fit.
+own (:mod:`hovercontrol.identification.engine.rows`), weighted by the noise levels of the package's fit.
 """
 
 from __future__ import annotations

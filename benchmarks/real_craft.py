@@ -18,11 +18,11 @@ from functools import partial
 from typing import Any
 
 from benchmarks import real_logs
-from hovercontrol.discrepancy import diagnose
-from hovercontrol.effects import effect
+from hovercontrol.craft.effects import effect
+from hovercontrol.craft.models.model import Fan, Model
+from hovercontrol.craft.models.vehicles import vehicle
+from hovercontrol.identification.diagnose import diagnose
 from hovercontrol.logs import Log, gather, read_log
-from hovercontrol.models.model import Fan, Model
-from hovercontrol.models.vehicles import vehicle
 
 DATA = real_logs.DATA.parent / "holohover"
 #: Places [m] and directions [rad] of the motors, as the data's README has them.

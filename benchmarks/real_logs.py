@@ -7,10 +7,10 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from hovercontrol.discrepancy import diagnose
-from hovercontrol.identify.study import Study
+from hovercontrol.craft.models.vehicles import vehicle
+from hovercontrol.identification.diagnose import diagnose
+from hovercontrol.identification.identify.study import Study
 from hovercontrol.logs import BenchTable, Condition, Log, gather
-from hovercontrol.models.vehicles import vehicle
 
 DATA = (
     Path(os.environ.get("HOVERCONTROL_DATA", Path(__file__).parents[2] / "shared" / "data"))

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from hovercontrol.analysis import decay
+from hovercontrol.control.analysis import decay
 from hovercontrol.documents.c17.gain_region import gain_region
 from hovercontrol.documents.c17.interconnection import region_of_attraction
 

@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 
 import hovercontrol as hc
-from hovercontrol.analysis import steering_map, turning_modes
-from hovercontrol.autopilot import autopilot
-from hovercontrol.core.block import Block
-from hovercontrol.guidance import command_filter, steering_law, steering_reference, weaving
+from hovercontrol.blocks.block import Block
+from hovercontrol.control.analysis import steering_map, turning_modes
+from hovercontrol.control.autopilot import autopilot
+from hovercontrol.control.guidance import command_filter, steering_law, steering_reference, weaving
 
 POINTS = 5
 

@@ -13,11 +13,11 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from benchmarks.compiled import spent
-from hovercontrol.core.interconnect import interconnect
-from hovercontrol.models.vehicles import vehicle
-from hovercontrol.scenarios import load_scenario
-from hovercontrol.scenarios.runner import loop_parts
-from hovercontrol.simulation.runner import BlockRunner, Inputs, Snapshot
+from hovercontrol.blocks.interconnect import interconnect
+from hovercontrol.blocks.simulation.runner import BlockRunner, Inputs, Snapshot
+from hovercontrol.craft.models.vehicles import vehicle
+from hovercontrol.documents.scenarios import load_scenario
+from hovercontrol.documents.scenarios.runner import loop_parts
 
 STEPS, DT = 5000, 0.01
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from hovercontrol.scenarios import load_scenario, run_scenario
+from hovercontrol.documents.scenarios import load_scenario, run_scenario
 
 Row = tuple[str, str, str, bool | None]
 

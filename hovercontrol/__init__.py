@@ -14,72 +14,11 @@ Examples
 6
 """
 
-from __future__ import annotations
-
-import importlib
-import sys
-from functools import cache
-from types import ModuleType
-
-TYPE_CHECKING = False  # as in typing, which takes a while to import
-
-if TYPE_CHECKING:
-    from typing import Any
-
-    from hovercontrol.analysis.frequency import bode, nyquist
-    from hovercontrol.analysis.margins import margins
-    from hovercontrol.analysis.sensitivity import sensitivity
-    from hovercontrol.animation.animate import animate
-    from hovercontrol.animation.path import plot_path
-    from hovercontrol.controllers import gain_scheduled, lqi, lqr, pid, place, tracking_controller
-    from hovercontrol.controllers.minimum_time import minimum_time
-    from hovercontrol.controllers.mpc import mpc
-    from hovercontrol.controllers.references import circle, ellipse, figure_eight, line, waypoints
-    from hovercontrol.core.block import Block
-    from hovercontrol.core.interconnect import interconnect, prefix, rename
-    from hovercontrol.core.sgn import sgn
-    from hovercontrol.core.signals import Signal, time
-    from hovercontrol.core.units import UnitError
-    from hovercontrol.discrepancy.diagnose import diagnose
-    from hovercontrol.effects import Coefficient, Effect, Shape, effect, effect_names
-    from hovercontrol.errors import InputError, SmoothedFrictionWarning
-    from hovercontrol.estimators.disturbance import disturbance_observer, with_disturbances
-    from hovercontrol.estimators.extended import extended_kalman
-    from hovercontrol.estimators.kalman_bucy import kalman_bucy
-    from hovercontrol.estimators.moving_horizon import moving_horizon
-    from hovercontrol.estimators.observability import observability
-    from hovercontrol.estimators.regression import regression
-    from hovercontrol.estimators.unscented import unscented_kalman
-    from hovercontrol.fmi.replay.opened import fmu_plant
-    from hovercontrol.fmi.replay.plant import FmuPlant
-    from hovercontrol.guidance import (
-        command_filter,
-        course_control,
-        line_of_sight,
-        path_tracker,
-        steering_law,
-        steering_reference,
-        weaving,
-    )
-    from hovercontrol.identify.fit import identify
-    from hovercontrol.log_check.check import check
-    from hovercontrol.logs.log import Log
-    from hovercontrol.logs.read import read_log
-    from hovercontrol.models.actuated import actuated
-    from hovercontrol.models.applied import applied_inputs
-    from hovercontrol.models.blockmodel import BlockModel
-    from hovercontrol.models.model import Fan, Model
-    from hovercontrol.models.modelfile import load_model, save_model
-    from hovercontrol.models.parameters import load_parameters, save_parameters
-    from hovercontrol.models.vehicles import VEHICLES, vehicle
-    from hovercontrol.monitor.monitor import monitor
-    from hovercontrol.monitor.replay import replay
-    from hovercontrol.simulation.trajectory import simulate
-    from hovercontrol.targets.from_control import from_control
-    from hovercontrol.targets.optimal_control import solve_ocp
-    from hovercontrol.targets.trim import Trim
+import lazy_loader
 
 __version__ = "0.1.0"
+
+__getattr__, __dir__, _ = lazy_loader.attach_stub(__name__, __file__)  # from __init__.pyi (SPEC 1)
 
 __all__ = [
     # the definition and the wiring
@@ -164,43 +103,3 @@ __all__ = [
     "SmoothedFrictionWarning",
     "UnitError",
 ]
-
-
-@cache
-def _places() -> dict[str, str]:
-    """Return the module of each public name, read from the imports above: they are the only list.
-
-    A module is imported when a name of it is used; importing all of them takes seconds.
-    """
-    import ast
-
-    with open(__file__, encoding="utf-8") as source:
-        found = [node for node in ast.walk(ast.parse(source.read())) if isinstance(node, ast.ImportFrom)]
-    return {one.name: str(node.module) for node in found for one in node.names if one.name in __all__}
-
-
-def __getattr__(name: str) -> Any:
-    """Import a public name, or a package that defines some."""
-    places = _places()
-    if name in places:
-        found = getattr(importlib.import_module(places[name]), name)
-        globals()[name] = found
-        return found
-    if name in {module.split(".")[1] for module in places.values()}:
-        return importlib.import_module(f"{__name__}.{name}")
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-
-
-def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
-
-
-class _Package(ModuleType):
-    """Keeps ``hovercontrol.identify`` the function: importing the package of that name would replace it."""
-
-    def __setattr__(self, name: str, value: Any) -> None:
-        hidden = isinstance(value, ModuleType) and name in __all__
-        super().__setattr__(name, getattr(value, name) if hidden else value)
-
-
-sys.modules[__name__].__class__ = _Package

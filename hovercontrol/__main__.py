@@ -1,6 +1,6 @@
 """``python -m hovercontrol`` is the ``hovercontrol`` command."""
 
-from hovercontrol.cli import main
+from hovercontrol.app.cli import main
 
 if __name__ == "__main__":
     main()

@@ -11,8 +11,8 @@ import pytest
 from hypothesis import HealthCheck, settings
 from threadpoolctl import threadpool_limits
 
-from hovercontrol import endings
-from hovercontrol.cli import main
+from hovercontrol.app.cli import main
+from hovercontrol.base import endings
 
 if "PYTEST_XDIST_WORKER" in os.environ:  # one of as many processes as cores: BLAS takes no further ones
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

@@ -32,85 +32,88 @@ class Mutation:
     tests: tuple[str, ...]
 
 
-CORE, EFFECTS = ("tests/core",), ("tests/effects",)
-ESTIMATION, RUNTIME = ("tests/estimation", "tests/identify"), ("tests/fmu", "tests/targets")
+CORE, EFFECTS = ("tests/blocks",), ("tests/craft/effects",)
+ESTIMATION, RUNTIME = (
+    ("tests/identification/engine", "tests/identification/identify"),
+    ("tests/fmu", "tests/blocks/backends"),
+)
 
 MUTATIONS = (
     # core
     Mutation(
         "The chain rule forgets all ways through a definition but the last.",
-        "hovercontrol/core/derivatives.py",
+        "hovercontrol/blocks/derivatives.py",
         "total[j] = total.get(j, sp.S.Zero) + local * inner",
         "total[j] = local * inner",
         CORE,
     ),
     Mutation(
         "The slope of the smoothed sign is that of another function.",
-        "hovercontrol/core/sgn.py",
+        "hovercontrol/blocks/sgn.py",
         "slope = (1 - sgn(v, w) ** 2) / w",
         "slope = (1 - sgn(v, w)) / w",
         CORE,
     ),
     Mutation(
         "A power has the unit of its base.",
-        "hovercontrol/core/units.py",
+        "hovercontrol/blocks/units.py",
         "return tuple(d * power for d in dims)",
         "return tuple(d for d in dims)",
         CORE,
     ),
     Mutation(
         "A table is interpolated against its slope.",
-        "hovercontrol/core/lookup.py",
+        "hovercontrol/blocks/lookup.py",
         "return top + (i - i0) * (bottom - top)",
         "return top + (i - i0) * (top - bottom)",
-        ("tests/hardware", "tests/core"),
+        ("tests/craft/hardware", "tests/blocks"),
     ),
     Mutation(
         "A late input arrives at once.",
-        "hovercontrol/core/delays.py",
+        "hovercontrol/blocks/delays.py",
         "at = times[changed] + late[signal.name]",
         "at = times[changed] + 0.0 * late[signal.name]",
         CORE,
     ),
     Mutation(
         "At one instant Blocks take their inputs before the others tell theirs.",
-        "hovercontrol/core/interconnect.py",
+        "hovercontrol/blocks/interconnect.py",
         "return [tick for tick in (*first, *last) if tick.updates]",
         "return [tick for tick in (*last, *first) if tick.updates]",
-        ("tests/simulation", "tests/core"),
+        ("tests/blocks/simulation", "tests/blocks"),
     ),
     # effects
     Mutation(
         "Quadratic drag pushes ahead when the craft moves astern.",
-        "hovercontrol/effects/drag.py",
+        "hovercontrol/craft/effects/drag.py",
         "return sp.Abs(w) * w",
         "return w**2",
         EFFECTS,
     ),
     Mutation(
         "The rudder turns the craft to the other side.",
-        "hovercontrol/effects/thrust.py",
+        "hovercontrol/craft/effects/thrust.py",
         'return {"r": -c.value * s.thrust_y}',
         'return {"r": c.value * s.thrust_y}',
         EFFECTS,
     ),
     Mutation(
         "Wind is added to the velocity through the air.",
-        "hovercontrol/effects/environment.py",
+        "hovercontrol/craft/effects/environment.py",
         "s.air_u, s.air_v = s.air_u - surge, s.air_v - sway",
         "s.air_u, s.air_v = s.air_u + surge, s.air_v - sway",
         EFFECTS,
     ),
     Mutation(
         "A gyro's scale error follows what is measured, bias and all, not the motion.",
-        "hovercontrol/effects/measurement.py",
+        "hovercontrol/craft/effects/measurement.py",
         "s.r = s.r + c.value * s.true.r",
         "s.r = s.r + c.value * s.r",
         EFFECTS,
     ),
     Mutation(
         "The Munk moment forgets the sway velocity.",
-        "hovercontrol/effects/coupling.py",
+        "hovercontrol/craft/effects/coupling.py",
         'return {"r": c.value * s.u * s.v}',
         'return {"r": c.value * s.u * s.u}',
         EFFECTS,
@@ -118,31 +121,31 @@ MUTATIONS = (
     # estimation
     Mutation(
         "The filter's covariance grows by half of the process noise.",
-        "hovercontrol/estimation/kalman.py",
+        "hovercontrol/identification/engine/kalman.py",
         "P = A[k] @ P @ At[k] + Q[k]",
         "P = A[k] @ P @ At[k] + 0.5 * Q[k]",
         ESTIMATION,
     ),
     Mutation(
         "The smoother's covariance is that of the filter.",
-        "hovercontrol/estimation/kalman.py",
+        "hovercontrol/identification/engine/kalman.py",
         "V[k] = Ps[k] - Ps[k] @ N @ Ps[k]",
         "V[k] = Ps[k]",
         ESTIMATION,
     ),
     Mutation(
         "A prior is as strong as its square root.",
-        "hovercontrol/estimation/prior.py",
+        "hovercontrol/identification/engine/prior.py",
         "precision[j] = 1.0 / max(PRIOR.coefficients * abs(centre[j]), PRIOR.alone * alone[j]) ** 2",
         "precision[j] = 1.0 / max(PRIOR.coefficients * abs(centre[j]), PRIOR.alone * alone[j])",
         ESTIMATION,
     ),
     Mutation(
         "Every sample that is a little off is an outlier.",
-        "hovercontrol/estimation/outliers.py",
+        "hovercontrol/identification/engine/outliers.py",
         "stands_out: float = 16.0",
         "stands_out: float = 4.0",
-        (*ESTIMATION, "tests/discrepancy/test_outliers.py"),
+        (*ESTIMATION, "tests/identification/diagnose/test_outliers.py"),
     ),
     # the C runtime
     Mutation(
@@ -157,7 +160,7 @@ MUTATIONS = (
         "fmu/hc_ticks.c",
         "ticks->due[k] += m->tick_period[k];",
         "ticks->due[k] += 2 * m->tick_period[k];",
-        ("tests/simulation", *RUNTIME),
+        ("tests/blocks/simulation", *RUNTIME),
     ),
     Mutation(
         "The error of a step may be a thousand times what was asked for.",

@@ -6,9 +6,9 @@ import sys
 
 import pytest
 
-from hovercontrol.samples import sample_path
+from hovercontrol.documents.samples import sample_path
 
-RUN = [sys.executable, "-m", "hovercontrol.cli"]
+RUN = [sys.executable, "-m", "hovercontrol.app.cli"]
 
 
 def test_help_shows_an_example_for_every_command(call):
@@ -31,8 +31,8 @@ def test_without_arguments_the_help_is_shown(call):
 
 
 def test_help_waits_for_no_library_that_it_does_not_use():
-    run = "hovercontrol.commands.app.app(['--help'], standalone_mode=False)"
-    code = f"import sys, hovercontrol.commands.app; {run}; print(*sys.modules)"
+    run = "hovercontrol.app.commands.app.app(['--help'], standalone_mode=False)"
+    code = f"import sys, hovercontrol.app.commands.app; {run}; print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     unused = {"numpy", "sympy", "scipy", "matplotlib", "control", "pandas", "rich", "asyncio"}
     assert not unused & set(done.stdout.splitlines()[-1].split())

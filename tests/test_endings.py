@@ -11,11 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hovercontrol import endings
-from hovercontrol.errors import InputError
-from hovercontrol.io import folders
+from hovercontrol.base import endings, folders
+from hovercontrol.base.errors import InputError
 
-RUN = [sys.executable, "-m", "hovercontrol.cli"]
+RUN = [sys.executable, "-m", "hovercontrol.app.cli"]
 STOPPED = "hovercontrol: stopped; nothing was written\n"
 
 
@@ -72,7 +71,7 @@ def test_a_fault_of_the_package_is_one_line_and_a_file_to_send(capsys, tmp_path,
 def test_a_wrong_argument_of_the_packages_own_call_is_a_fault_of_the_package(call, tmp_path, monkeypatch):
     """A gate told it as the user's once: 'Log.__getitem__: name: expected a text, found 0'."""
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    monkeypatch.setattr("hovercontrol.estimation.measure.POSE", (0,))
+    monkeypatch.setattr("hovercontrol.identification.engine.measure.POSE", (0,))
     done = call("identify", "--sample", "--out", str(tmp_path / "out"))
     assert done.returncode == 3
     assert "unexpected TypeError: Log.has: names: expected a text, found 0; please report" in done.stderr
@@ -126,7 +125,7 @@ def test_a_signal_in_the_midst_of_work_is_one_line(call, tmp_path, number, monke
         os.kill(os.getpid(), number)
         time.sleep(5)
 
-    monkeypatch.setattr("hovercontrol.scenarios.runner._run_continuous", work)
+    monkeypatch.setattr("hovercontrol.documents.scenarios.runner._run_continuous", work)
     done = call("simulate", "k06-turn", "--out", "out", cwd=tmp_path)
     assert (done.returncode, done.stdout, done.stderr) == (endings.STOPS[number], "", STOPPED)
     assert list(tmp_path.iterdir()) == []

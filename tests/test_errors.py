@@ -2,7 +2,7 @@
 
 import pytest
 
-from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.base.errors import InputError, did_you_mean
 
 
 def test_the_nearest_name_is_offered():

@@ -5,11 +5,11 @@ import pyarrow as pa
 import pyarrow.parquet
 import pytest
 
-from hovercontrol.core.units import dimension
-from hovercontrol.errors import InputError
+from hovercontrol.base.errors import InputError
+from hovercontrol.blocks.units import dimension
+from hovercontrol.craft.models.modelfile import load_model
+from hovercontrol.documents.samples import sample_path
 from hovercontrol.logs import Log, read_log
-from hovercontrol.models.modelfile import load_model
-from hovercontrol.samples import sample_path
 
 SCENARIO = """[scenario]
 step = 0.01

@@ -1,4 +1,4 @@
-"""Imports point one way: the packages lie in layers, and none imports from a layer above its own."""
+"""The package has nine rooms in one line, and imports point down it."""
 
 import ast
 from collections import defaultdict
@@ -10,24 +10,11 @@ import hovercontrol
 
 ROOT = Path(hovercontrol.__file__).parent
 
-#: From bottom to top. Those of one layer may import each other, but not in a circle.
-LAYERS = (
-    {"errors", "io", "endings"},
-    {"core"},
-    {"display"},
-    {"simulation", "targets"},
-    {"effects"},
-    {"models", "controllers", "estimators", "guidance", "hardware", "logs"},
-    {"estimation"},
-    {"autopilot", "scenarios"},
-    {"discrepancy", "identify", "monitor", "analysis", "fmi", "samples", "animation"},
-    {"log_check", "schema", "missing_physics"},
-    {"cockpit", "commands", "documents"},
-    {"cli"},
-)
-#: A Block's methods import its backends, which are above it, inside functions.
-BLOCK = "core.block_backends"
-HEIGHT = {package: height for height, layer in enumerate(LAYERS) for package in layer}
+#: From bottom to top.
+ROOMS = ("base", "blocks", "logs", "craft", "control", "fmi", "identification", "documents", "app")
+HEIGHT = {room: height for height, room in enumerate(ROOMS)}
+#: A Block finds its backends, which are above it, when it is asked for one.
+BLOCK = "blocks.block_backends"
 
 
 @cache
@@ -87,12 +74,8 @@ def arrows():
     }
 
 
-def package(module):
+def room(module):
     return module.partition(".")[0]
-
-
-def between_packages():
-    return {(a, b) for a, b in arrows() if package(a) != package(b)}
 
 
 def circle(graph):
@@ -104,27 +87,22 @@ def circle(graph):
     return []
 
 
-def test_every_package_has_its_layer():
-    assert {package(name) for name in modules()} <= set(HEIGHT)
+def test_there_are_nine_rooms():
+    assert {path.name for path in ROOT.iterdir() if (path / "__init__.py").exists()} - {"analyses"} == set(
+        ROOMS
+    )
+    assert {room(name) for name in modules()} == set(ROOMS)
 
 
-def test_no_module_imports_from_a_layer_above_its_own():
-    against = {(a, b) for a, b in between_packages() if HEIGHT[package(b)] > HEIGHT[package(a)]}
-    assert sorted(against) == []
+def test_no_module_imports_from_a_room_above_its_own():
+    assert sorted((a, b) for a, b in arrows() if HEIGHT[room(b)] > HEIGHT[room(a)]) == []
 
 
-def test_no_module_names_a_type_of_a_layer_above_its_own():
+def test_no_module_names_a_type_of_a_room_above_its_own():
     trees = modules()
     arrows = {(a, b) for a, tree in trees.items() for b in imports(tree, trees, annotations=True) if b}
-    against = {(a, b) for a, b in arrows if HEIGHT.get(package(b), 0) > HEIGHT[package(a)]}
-    assert {a for a, _ in against} <= {BLOCK}  # a Block's methods return what a backend makes
-
-
-def test_packages_import_each_other_in_no_circle():
-    graph = defaultdict(set)
-    for a, b in between_packages():
-        graph[package(a)].add(package(b))
-    assert circle(graph) == []
+    against = {a for a, b in arrows if HEIGHT[room(b)] > HEIGHT[room(a)]}
+    assert against <= {BLOCK}  # what a backend makes
 
 
 def test_modules_import_each_other_in_no_circle():
@@ -132,3 +110,10 @@ def test_modules_import_each_other_in_no_circle():
     for a, b in arrows():
         graph[a].add(b)
     assert circle(graph) == []
+
+
+def test_each_room_says_in_ten_lines_what_is_in_it():
+    for name in ROOMS:
+        text = ast.get_docstring(modules()[name])
+        assert text and len(text.splitlines()) <= 10, name
+        assert "egin with" in text, name

@@ -12,7 +12,7 @@ import pytest
 import typer.main
 from PIL import Image
 
-from hovercontrol.commands.app import app
+from hovercontrol.app.commands.app import app
 
 PROJECT = Path(__file__).parents[1]
 README = PROJECT / "README.md"

@@ -12,19 +12,20 @@ import numpy as np
 import pytest
 from jsonschema import Draft202012Validator
 
-from hovercontrol import InputError, cli, effect_names, vehicle
-from hovercontrol.discrepancy import diagnose
-from hovercontrol.effects import effect, effect_class
+from hovercontrol import InputError, effect_names, vehicle
+from hovercontrol.app import cli
+from hovercontrol.app.schema import KINDS, schema
+from hovercontrol.craft.effects import effect, effect_class
+from hovercontrol.craft.models.model import Model
+from hovercontrol.craft.models.modelfile import model_from_table, model_text
+from hovercontrol.craft.models.vehicles import VEHICLES
+from hovercontrol.documents.scenarios import load_scenario, scenario_names
+from hovercontrol.identification.diagnose import diagnose
 from hovercontrol.logs import Log
-from hovercontrol.models.model import Model
-from hovercontrol.models.modelfile import model_from_table, model_text
-from hovercontrol.models.vehicles import VEHICLES
-from hovercontrol.scenarios import load_scenario, scenario_names
-from hovercontrol.schema import KINDS, schema
 
 CHECK = {kind: Draft202012Validator(schema(kind)) for kind in KINDS}
 MODELS = (Path(__file__).parents[1] / "docs" / "concepts" / "models.md").read_text(encoding="utf-8")
-TABLE1 = tomllib.loads((resources.files("hovercontrol.scenarios") / "table1.toml").read_text())
+TABLE1 = tomllib.loads((resources.files("hovercontrol.documents.scenarios") / "table1.toml").read_text())
 
 
 def wrong(kind, content):
@@ -39,7 +40,7 @@ def test_the_schemas_are_schemas(kind):
 
 @pytest.mark.parametrize("name", scenario_names())
 def test_every_scenario_fits(name):
-    text = (resources.files("hovercontrol.scenarios") / f"{name}.toml").read_text(encoding="utf-8")
+    text = (resources.files("hovercontrol.documents.scenarios") / f"{name}.toml").read_text(encoding="utf-8")
     assert wrong("scenario", tomllib.loads(text)) == []
 
 

@@ -6,14 +6,14 @@ import control as ct
 import numpy as np
 import pytest
 
-from hovercontrol.controllers import tracking_controller
-from hovercontrol.controllers.references import ellipse
-from hovercontrol.core.interconnect import interconnect
-from hovercontrol.estimators import kalman_bucy
-from hovercontrol.models.vehicles import c17_simulation
-from hovercontrol.scenarios import load_scenario
-from hovercontrol.scenarios.runner import loop_parts, phase_parameters
-from hovercontrol.simulation.trajectory import simulate
+from hovercontrol.blocks.interconnect import interconnect
+from hovercontrol.blocks.simulation.trajectory import simulate
+from hovercontrol.control.controllers import tracking_controller
+from hovercontrol.control.controllers.references import ellipse
+from hovercontrol.control.observers import kalman_bucy
+from hovercontrol.craft.models.vehicles import c17_simulation
+from hovercontrol.documents.scenarios import load_scenario
+from hovercontrol.documents.scenarios.runner import loop_parts, phase_parameters
 
 DRAG = (
     "surge_coulomb",
@@ -111,7 +111,7 @@ def test_halved_drag_moves_the_craft_off_its_path_and_the_estimates_bring_it_bac
 
 @pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler (cc) on this machine")
 def test_the_third_phase_is_the_same_compiled_and_not_unless_coulomb_friction_is_asked_for():
-    """Which friction is physical: see hovercontrol.core.friction.Friction."""
+    """Which friction is physical: see hovercontrol.blocks.friction.Friction."""
     scenario = load_scenario("table1")
     loop = interconnect([*loop_parts(scenario).values()], "loop")
     default, sticks = loop.compile(), loop.compile(friction="events")

@@ -9,19 +9,19 @@ import pytest
 
 IMPORTS = (
     "import hovercontrol as hc",
-    "from hovercontrol.identify import identify",
-    "import hovercontrol.identify",
-    "import hovercontrol.identify.study",
-    "from hovercontrol.identify.study import Study",
-    "import hovercontrol.log_check",
+    "from hovercontrol.identification.identify import identify",
+    "import hovercontrol.identification.identify",
+    "import hovercontrol.identification.identify.study",
+    "from hovercontrol.identification.identify.study import Study",
+    "import hovercontrol.identification.check",
     "from hovercontrol import identify, diagnose, check, read_log",
 )
 SAME = """
 import inspect, hovercontrol as hc
-from hovercontrol.discrepancy import diagnose
-from hovercontrol.identify import free_run, identify
-from hovercontrol.identify.fit import identify as own
-from hovercontrol.log_check import check
+from hovercontrol.identification.diagnose import diagnose
+from hovercontrol.identification.identify import free_run, identify
+from hovercontrol.identification.identify.fit import identify as own
+from hovercontrol.identification.check import check
 from hovercontrol.logs import read_log
 assert (hc.identify, hc.diagnose, hc.check, hc.read_log) == (identify, diagnose, check, read_log)
 assert own is identify and "coefficients" in inspect.signature(hc.identify).parameters

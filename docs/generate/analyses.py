@@ -8,7 +8,7 @@ from pathlib import Path
 
 from generate.pages import code, folded, table, toctree, write
 from generate.titles import TITLES
-from hovercontrol.commands.analyze import known_scripts
+from hovercontrol.app.commands.analyze import known_scripts
 
 #: Made by ``make pictures`` and kept: some analyses take minutes.
 KEPT = Path(__file__).parents[1] / "pictures" / "analyses"

@@ -6,9 +6,9 @@ import re
 from pathlib import Path
 
 from generate.pages import code, html, table, toctree, write
-from hovercontrol.commands.exportable import choose
-from hovercontrol.commands.exportable_parts import PARTS
-from hovercontrol.scenarios import load_scenario, scenario_names
+from hovercontrol.app.commands.exportable import choose
+from hovercontrol.app.commands.exportable_parts import PARTS
+from hovercontrol.documents.scenarios import load_scenario, scenario_names
 
 #: Longer pages than these signs are cut down to signals: the whole autopilot has hundreds of equations.
 LONGEST = 400_000

@@ -8,7 +8,7 @@ from typing import Any
 import typer.main
 
 from generate.pages import code, table, toctree, write
-from hovercontrol.commands.app import app
+from hovercontrol.app.commands.app import app
 
 
 def pages(into: Path) -> tuple[str, str]:

@@ -17,9 +17,9 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 import hovercontrol as hc
-from hovercontrol.discrepancy.experiment.manoeuvres import Manoeuvre, family
-from hovercontrol.effects import Effect, Shape, effect_class, effect_names
-from hovercontrol.models.model import Model
+from hovercontrol.craft.effects import Effect, Shape, effect_class, effect_names
+from hovercontrol.craft.models.model import Model
+from hovercontrol.identification.diagnose.experiment.manoeuvres import Manoeuvre, family
 
 Array = NDArray[np.float64]
 

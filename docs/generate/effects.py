@@ -11,9 +11,9 @@ from matplotlib.figure import Figure
 from generate import effect_runs
 from generate.equations import changed_lines
 from generate.pages import bounds, first_sentence, html, picture, table, toctree, write
-from hovercontrol.effects import Effect, Shape, effect_class, effect_names
-from hovercontrol.io.figure_style import figure_style
-from hovercontrol.models.model import Model
+from hovercontrol.base.figure_style import figure_style
+from hovercontrol.craft.effects import Effect, Shape, effect_class, effect_names
+from hovercontrol.craft.models.model import Model
 
 KINDS = {
     "force": "Forces and torques",

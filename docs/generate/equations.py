@@ -6,8 +6,8 @@ import re
 
 import sympy as sp
 
-from hovercontrol.display.mathml import MathPrinter, symbol_markup
-from hovercontrol.models.model import Model
+from hovercontrol.blocks.mathml import MathPrinter, symbol_markup
+from hovercontrol.craft.models.model import Model
 
 
 def changed_lines(base: Model, model: Model) -> str:

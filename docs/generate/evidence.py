@@ -15,7 +15,7 @@ from hovercontrol.documents import all_items
 KEPT = Path(__file__).parents[1] / "pictures" / "reproduce"
 
 NAMES = {"c17": "C17, paper by Cabecinhas and others", "k06": "K06, thesis by Kulis"}
-BLIND = Path(__file__).parents[2] / "tests" / "discrepancy" / "blind"
+BLIND = Path(__file__).parents[2] / "tests" / "identification" / "diagnose" / "blind"
 
 
 def pages(into: Path) -> tuple[str, str]:
@@ -28,7 +28,7 @@ def pages(into: Path) -> tuple[str, str]:
     write(
         into / "evidence" / "blind.md",
         "# How often diagnose is right",
-        "Logs are simulated with effects that `diagnose` does not know of. `python -m tests.discrepancy.table` writes "
+        "Logs are simulated with effects that `diagnose` does not know of. `python -m tests.identification.diagnose.table` writes "
         "this table.",
         (BLIND / "table.md").read_text(encoding="utf-8"),
     )

@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from generate.pages import code, table, toctree, write
-from hovercontrol.log_check.facts import UNITS
+from hovercontrol.app.schema import KINDS, schema
+from hovercontrol.craft.models.motion import MOTION
+from hovercontrol.identification.check.facts import UNITS
 from hovercontrol.logs.source import FORMATS
-from hovercontrol.models.motion import MOTION
-from hovercontrol.schema import KINDS, schema
 
 ABOUT = {
     "model": ("Model files (TOML)", "A craft as a list of effects. `hc.load_model`, `--model FILE`."),

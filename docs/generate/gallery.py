@@ -9,8 +9,8 @@ from pathlib import Path
 from generate import analyses
 from generate.pages import clean, write
 from generate.scenarios import first_picture
-from hovercontrol.commands.analyze import known_scripts
-from hovercontrol.scenarios import load_scenario, scenario_names
+from hovercontrol.app.commands.analyze import known_scripts
+from hovercontrol.documents.scenarios import load_scenario, scenario_names
 
 
 def pages(into: Path) -> None:

@@ -15,7 +15,7 @@ from typing import Any
 from PIL import Image
 
 from generate import analyses, evidence
-from hovercontrol.commands.analyze import known_scripts
+from hovercontrol.app.commands.analyze import known_scripts
 
 DOCS = Path(__file__).parents[1]
 

@@ -10,9 +10,9 @@ from multiprocessing import get_context
 from pathlib import Path
 
 from generate.pages import code, picture, table, toctree, write
-from hovercontrol.scenarios import load_scenario, run_scenario, scenario_names
-from hovercontrol.scenarios.figures import figures
-from hovercontrol.scenarios.result import Measured
+from hovercontrol.documents.scenarios import load_scenario, run_scenario, scenario_names
+from hovercontrol.documents.scenarios.figures import figures
+from hovercontrol.documents.scenarios.result import Measured
 
 #: Which pictures a page shows, the first that a run has; the first one is the gallery's.
 SHOWN = ("comparison", "tracking_error", "path", "estimates", "heading", "velocities")
@@ -74,7 +74,7 @@ def _page(name: str, folder: Path) -> None:
 
 
 def _text(name: str) -> str:
-    return (resources.files("hovercontrol.scenarios") / f"{name}.toml").read_text(encoding="utf-8")
+    return (resources.files("hovercontrol.documents.scenarios") / f"{name}.toml").read_text(encoding="utf-8")
 
 
 def _row(found: Measured) -> tuple[str, ...]:

@@ -10,8 +10,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from hovercontrol.hardware.actuators import actuators, fan_force, read_fan_table
-from hovercontrol.hardware.calibration import (
+from hovercontrol.blocks.simulation.hybrid import Ticking
+from hovercontrol.craft.hardware.actuators import actuators, fan_force, read_fan_table
+from hovercontrol.craft.hardware.calibration import (
     FanCalibration,
     Fit,
     fit_inertia,
@@ -22,7 +23,6 @@ from hovercontrol.hardware.calibration import (
     thrust_table_from_bench,
 )
 from hovercontrol.logs import BenchTable
-from hovercontrol.simulation.hybrid import Ticking
 
 Floats = NDArray[np.float64]
 

@@ -12,10 +12,10 @@ import numpy as np
 import sympy as sp
 
 import hovercontrol as hc
-from hovercontrol.discrepancy import Diagnosis, diagnose
-from hovercontrol.discrepancy.report import write_report
+from hovercontrol.craft.models.blockmodel import BlockModel
+from hovercontrol.identification.diagnose import Diagnosis, diagnose
+from hovercontrol.identification.diagnose.report import write_report
 from hovercontrol.logs import Log
-from hovercontrol.models.blockmodel import BlockModel
 
 # ---- 1. The machine: a Block, its equations written once ---------------------------------------------------
 

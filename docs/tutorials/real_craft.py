@@ -8,10 +8,10 @@ import argparse
 from pathlib import Path
 
 import hovercontrol as hc
-from hovercontrol.discrepancy import diagnose
-from hovercontrol.discrepancy.report import headline, remainder_sentence, write_report
+from hovercontrol.craft.models.model import Fan, Model
+from hovercontrol.identification.diagnose import diagnose
+from hovercontrol.identification.diagnose.report import headline, remainder_sentence, write_report
 from hovercontrol.logs import read_log
-from hovercontrol.models.model import Fan, Model
 
 CURVE = (0.02683, 1.05084, -0.43372)  # thrust [N] over the motor's signal s: of s, s^2, s^3
 FANS = (

@@ -1,4 +1,9 @@
-"""Every table and figure of the source documents again: what they print, what comes out here, a verdict."""
+"""The source documents C17 and K06: scenarios, figures, tables, the sample log.
+
+May import every room but ``app``. Each printed number is a row of ``c17/printed.csv`` or
+``k06/printed.csv``, and a function marked ``@rebuilds`` computes it again; begin with ``item.py`` and
+``registry.py``. ``scenarios/`` runs experiments from TOML files (begin with ``definition.py``).
+"""
 
 from hovercontrol.documents.item import Item, Outcome, Printed
 from hovercontrol.documents.markers import Place, places

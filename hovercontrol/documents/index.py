@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import Any
 
 import hovercontrol
+from hovercontrol.base.folders import write_folder
 from hovercontrol.documents.item import KINDS, Outcome
 from hovercontrol.documents.markers import places
 from hovercontrol.documents.printed import numbered_items
 from hovercontrol.documents.registry import all_items
-from hovercontrol.io.folders import write_folder
 
 #: The documents as their readers know them.
 TITLES = {

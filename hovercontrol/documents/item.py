@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
-from hovercontrol.core.boundary import checked
-from hovercontrol.errors import InputError
-from hovercontrol.io.short_repr import short_repr
+from hovercontrol.base.boundary import checked
+from hovercontrol.base.errors import InputError
+from hovercontrol.base.short_repr import short_repr
 
 Verdict = Literal["agrees", "differs", "not printed in enough detail", "failed"]
 

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from hovercontrol.core.boundary import checked
+from hovercontrol.base.boundary import checked
 from hovercontrol.documents.item import KINDS
 
 #: ``[C17 eq 15, 16]``; lists of numbers of one kind.
@@ -28,7 +28,7 @@ class Place:
 
     Examples
     --------
-    >>> Place("hovercontrol/effects/drag.py", 54).line
+    >>> Place("hovercontrol/craft/effects/drag.py", 54).line
     54
     """
 

@@ -14,10 +14,10 @@ from functools import lru_cache
 from importlib import resources
 from pathlib import Path
 
-from hovercontrol.core.boundary import checked
+from hovercontrol.base.boundary import checked
+from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.base.short_repr import short_repr
 from hovercontrol.documents.item import Item, Printed
-from hovercontrol.errors import InputError, did_you_mean
-from hovercontrol.io.short_repr import short_repr
 
 #: What computes an item: it draws into a folder and returns the numbers by name.
 Measure = Callable[[Path], Mapping[str, float]]

@@ -6,10 +6,10 @@ import importlib
 import inspect
 import pkgutil
 
-from hovercontrol.core.boundary import checked
+from hovercontrol.base.boundary import checked
+from hovercontrol.base.errors import InputError, did_you_mean
 from hovercontrol.documents.item import KINDS, Item
 from hovercontrol.documents.printed import numbered_items
-from hovercontrol.errors import InputError, did_you_mean
 
 DOCUMENTS = ("c17", "k06")
 

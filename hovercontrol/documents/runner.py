@@ -6,12 +6,12 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from hovercontrol.core.boundary import checked
+from hovercontrol.base.boundary import checked
+from hovercontrol.base.errors import InputError
+from hovercontrol.base.figure_style import figure_style
+from hovercontrol.base.folders import write_folder
 from hovercontrol.documents.index import write_index
 from hovercontrol.documents.item import Item, Outcome
-from hovercontrol.errors import InputError
-from hovercontrol.io.figure_style import figure_style
-from hovercontrol.io.folders import write_folder
 
 
 @checked

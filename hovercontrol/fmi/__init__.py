@@ -1,4 +1,9 @@
-"""FMUs: export of Blocks for other tools, and import of FMUs as python-control systems."""
+"""FMUs and systems of FMUs (SSP): out, in, fitted to logs, corrected.
+
+May import ``control``, ``craft``, ``logs``, ``blocks`` and ``base``. Begin with ``exporter/export.py`` and
+``importer/imported.py``; ``replay/`` runs an FMU along logs, ``corrected/`` wraps effects around one. What
+runs inside an FMU is C99 in ``fmu/``.
+"""
 
 from typing import TYPE_CHECKING, Any
 

@@ -1,8 +1,8 @@
 """Effects around an FMU: before its inputs, after its outputs, and added to its derivatives (Model Exchange).
 
-The equations come from the classes of :mod:`hovercontrol.effects`. A class for a command acts on an input as
-it is given, or on an output as a sensor's signal (a lag of a sensor is the same equation as that of an
-actuator); a class for a measurement acts on an output; a class for a force acts on a derivative.
+The equations come from the classes of :mod:`hovercontrol.craft.effects`. A class for a command acts on an
+input as it is given, or on an output as a sensor's signal (a lag of a sensor is the same equation as that of
+an actuator); a class for a measurement acts on an output; a class for a force acts on a derivative.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from typing import Any
 
 import sympy as sp
 
-from hovercontrol.core.block import Block
-from hovercontrol.core.boundary import checked
-from hovercontrol.core.signals import Signal, time
-from hovercontrol.effects import Effect
-from hovercontrol.effects.drag import per_second
-from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.base.boundary import checked
+from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.blocks.block import Block
+from hovercontrol.blocks.signals import Signal, time
+from hovercontrol.craft.effects import Effect
+from hovercontrol.craft.effects.drag import per_second
 
 #: Ending of the name of a signal as the FMU gets it (before) or as it is measured (after).
 GIVEN, SEEN = "_given", "_measured"
@@ -52,7 +52,7 @@ class Around:
 
     Examples
     --------
-    >>> from hovercontrol.effects.generic_commands import lag
+    >>> from hovercontrol.craft.effects.generic_commands import lag
     >>> u, y = Signal("u", "V"), Signal("y", "m")
     >>> slow = Around((u,), (y,), at_inputs=(lag("u", "V")(seconds=0.2),))
     >>> print(slow.before.equations())

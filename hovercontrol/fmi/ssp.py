@@ -14,14 +14,14 @@ from typing import TYPE_CHECKING, Any, Literal
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
-from hovercontrol.core.block import Block
-from hovercontrol.core.boundary import checked
-from hovercontrol.errors import InputError, shown
+from hovercontrol.base.boundary import checked
+from hovercontrol.base.errors import InputError, shown
+from hovercontrol.base.files import check_folder, write_atomically
+from hovercontrol.blocks.block import Block
 from hovercontrol.fmi.exporter.description import xml_bytes
 from hovercontrol.fmi.exporter.export import export_fmu
 from hovercontrol.fmi.exporter.package import packed
 from hovercontrol.fmi.exporter.variables import Interface
-from hovercontrol.io.files import check_folder, write_atomically
 
 if TYPE_CHECKING:
     import control

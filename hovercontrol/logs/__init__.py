@@ -1,4 +1,7 @@
-"""Logs: reading and joining them, and velocities from tracked positions.
+"""Files to Logs: reading and joining them, and velocities from tracked positions.
+
+May import ``blocks`` and ``base``. Begin with ``log.py`` and ``read.py``; each format is one file in
+``readers/``.
 
 A log with the pose is processed in this order::
 

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import PchipInterpolator
 
-from hovercontrol.core.boundary import checked
-from hovercontrol.errors import InputError
-from hovercontrol.io.pyplot import open_in_pyplot
-from hovercontrol.io.short_repr import short_repr
+from hovercontrol.base.boundary import checked
+from hovercontrol.base.errors import InputError
+from hovercontrol.base.pyplot import open_in_pyplot
+from hovercontrol.base.short_repr import short_repr
 from hovercontrol.logs.check import check_finite
 from hovercontrol.logs.log import Floats, Log
 from hovercontrol.logs.source import open_source

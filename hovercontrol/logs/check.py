@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hovercontrol.errors import InputError, shown
+from hovercontrol.base.errors import InputError, shown
 from hovercontrol.logs.codes import code_text, gap_code
 from hovercontrol.logs.log import Floats, Log, Mask
 from hovercontrol.logs.source import Source

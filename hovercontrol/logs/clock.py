@@ -16,9 +16,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import minimum_filter1d
 
-from hovercontrol.core.arguments import as_row
-from hovercontrol.core.boundary import checked
-from hovercontrol.io.short_repr import short_repr
+from hovercontrol.base.arguments import as_row
+from hovercontrol.base.boundary import checked
+from hovercontrol.base.short_repr import short_repr
 from hovercontrol.logs.log import POSE, VELOCITY, Floats, Log, gap_rows
 
 

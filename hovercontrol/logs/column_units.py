@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Container, Mapping
 
-from hovercontrol.core.units import conversion, dimension, plain_si
-from hovercontrol.errors import ArgumentError, InputError
+from hovercontrol.base.errors import ArgumentError, InputError
+from hovercontrol.blocks.units import conversion, dimension, plain_si
 from hovercontrol.logs.log import UNITS
 from hovercontrol.logs.readers.dialect import unit_in_name
 

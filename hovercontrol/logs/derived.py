@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from hovercontrol.errors import ArgumentError, did_you_mean
+from hovercontrol.base.errors import ArgumentError, did_you_mean
 from hovercontrol.logs.column_units import column_of
 from hovercontrol.logs.heading import Heading, parse_up
 from hovercontrol.logs.place import Place

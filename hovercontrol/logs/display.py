@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
-from hovercontrol.display.html import card, table
-from hovercontrol.display.svg import sparkline
-from hovercontrol.io.figure_style import BLUE, VERMILION
+from hovercontrol.base.figure_style import BLUE, VERMILION
+from hovercontrol.base.html import card, table
+from hovercontrol.base.svg import sparkline
 
 if TYPE_CHECKING:
     from hovercontrol.logs.log import Floats, Log

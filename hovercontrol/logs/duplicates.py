@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from hovercontrol.errors import InputError
+from hovercontrol.base.errors import InputError
 from hovercontrol.logs.log import Log
 
 Array = NDArray[np.float64]
@@ -21,8 +21,8 @@ Array = NDArray[np.float64]
 class DuplicateCriteria:
     """Thresholds for two logs that contain the same recording.
 
-    No published source: set by hand, tested in tests/discrepancy/test_checks.py. Two runs differ by their
-    noise, sqrt(2) standard deviations in each channel; copies differ by rounding only.
+    No published source: set by hand, tested in tests/identification/diagnose/test_checks.py. Two runs differ
+    by their noise, sqrt(2) standard deviations in each channel; copies differ by rounding only.
 
     Attributes
     ----------

@@ -7,12 +7,13 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hovercontrol.core.boundary import checked
-from hovercontrol.errors import ArgumentError, InputError, did_you_mean
+from hovercontrol.base.boundary import checked
+from hovercontrol.base.errors import ArgumentError, InputError, did_you_mean
+from hovercontrol.blocks.block import Block
+from hovercontrol.blocks.plant_model import PlantModel
 from hovercontrol.logs.bench import BenchTable
 from hovercontrol.logs.check import check_gaps
 from hovercontrol.logs.column_units import column_of
@@ -22,9 +23,6 @@ from hovercontrol.logs.log import Log
 from hovercontrol.logs.prepare import held_on
 from hovercontrol.logs.read import header_of, names_in, read_wanted
 from hovercontrol.logs.wanted import Wanted
-
-if TYPE_CHECKING:
-    from hovercontrol.models.interface import AnyModel
 
 #: Prefix of a command column that a bench table converts to the force of a fan: ``pwm_`` and the fan's name.
 PULSE = "pwm_"
@@ -84,7 +82,7 @@ def gather(
     bench: BenchTable | None = None,
     only_while: Condition | None = None,
     settle: float = 0.0,
-    model: AnyModel | None = None,
+    model: PlantModel | Block | None = None,
     motion: bool = False,
     missing: Sequence[float] = (),
     trial: str = "",

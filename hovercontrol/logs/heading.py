@@ -15,8 +15,8 @@ import numpy as np
 import pyarrow as pa
 from scipy.spatial.transform import Rotation
 
-from hovercontrol.core.units import conversion_factor
-from hovercontrol.errors import InputError
+from hovercontrol.base.errors import InputError
+from hovercontrol.blocks.units import conversion_factor
 from hovercontrol.logs.log import Floats
 
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hovercontrol.core.boundary import checked
-from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.base.boundary import checked
+from hovercontrol.base.errors import InputError, did_you_mean
 from hovercontrol.logs.clock import measured as measured_names
 from hovercontrol.logs.clock import steady
 from hovercontrol.logs.log import Floats, Log, Mask

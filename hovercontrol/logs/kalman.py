@@ -16,8 +16,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hovercontrol.errors import InputError
-from hovercontrol.io.short_repr import short_repr
+from hovercontrol.base.errors import InputError
+from hovercontrol.base.short_repr import short_repr
 from hovercontrol.logs.log import Floats, Mask
 
 SMALLEST = 1e-16

@@ -19,11 +19,11 @@ import pyarrow.csv
 import pyarrow.parquet
 from numpy.typing import ArrayLike, NDArray
 
-from hovercontrol.core.boundary import checked
-from hovercontrol.errors import InputError, did_you_mean, shown
-from hovercontrol.io.files import write_atomically
-from hovercontrol.io.pyplot import open_in_pyplot
-from hovercontrol.io.short_repr import cut
+from hovercontrol.base.boundary import checked
+from hovercontrol.base.errors import InputError, did_you_mean, shown
+from hovercontrol.base.files import write_atomically
+from hovercontrol.base.pyplot import open_in_pyplot
+from hovercontrol.base.short_repr import cut
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

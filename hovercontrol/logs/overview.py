@@ -8,8 +8,8 @@ from textwrap import wrap
 
 import numpy as np
 
-from hovercontrol.io.percent import percent
-from hovercontrol.io.text_table import aligned
+from hovercontrol.base.percent import percent
+from hovercontrol.base.text_table import aligned
 from hovercontrol.logs.log import POSE, VELOCITY
 from hovercontrol.logs.proposal import has_fix, proposal
 from hovercontrol.logs.source import format_of, open_log

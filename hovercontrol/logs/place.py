@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import pyarrow as pa
 
-from hovercontrol.core.units import conversion_factor
-from hovercontrol.errors import InputError
+from hovercontrol.base.errors import InputError
+from hovercontrol.blocks.units import conversion_factor
 from hovercontrol.logs.log import Floats
 
 #: Semi-major axis [m] and squared eccentricity of the ellipsoid (WGS 84, NGA.STND.0036).

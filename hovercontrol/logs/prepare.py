@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from hovercontrol.errors import InputError
+from hovercontrol.base.errors import InputError
 from hovercontrol.logs.angles import unwrapped
 from hovercontrol.logs.held import without_repeats
 from hovercontrol.logs.log import Floats, Log

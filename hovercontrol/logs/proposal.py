@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hovercontrol.errors import InputError
+from hovercontrol.base.errors import InputError
 from hovercontrol.logs.log import POSE, VELOCITY
 from hovercontrol.logs.topic import Topic
 

@@ -8,14 +8,15 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from hovercontrol.core.boundary import checked
-from hovercontrol.errors import ArgumentError, InputError, did_you_mean
+from hovercontrol.base.boundary import checked
+from hovercontrol.base.errors import ArgumentError, InputError, did_you_mean
+from hovercontrol.blocks.block import Block
+from hovercontrol.blocks.plant_model import PlantModel
 from hovercontrol.logs.check import check_codes, check_finite, check_heading, check_size, check_time
 from hovercontrol.logs.column_units import (
     column_of,
@@ -32,9 +33,6 @@ from hovercontrol.logs.topics import join_tables
 from hovercontrol.logs.trials import in_sequence, trial_rows, trials_text
 from hovercontrol.logs.wanted import Wanted
 
-if TYPE_CHECKING:
-    from hovercontrol.models.interface import AnyModel
-
 LARGEST = 2**30
 """Bytes of numbers that one log may take in memory."""
 
@@ -45,7 +43,7 @@ def read_log(
     columns: Mapping[str, str] | None = None,
     inputs: Sequence[str] | Mapping[str, str] = (),
     *,
-    model: AnyModel | None = None,
+    model: PlantModel | Block | None = None,
     motion: bool = False,
     usecols: Sequence[str] | None = None,
     missing: Sequence[float] = (),

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import median_filter
 
-from hovercontrol.io.short_repr import short_repr
+from hovercontrol.base.short_repr import short_repr
 from hovercontrol.logs.log import Floats, Mask
 
 

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.ndimage import maximum_filter1d, median_filter, percentile_filter
 
-from hovercontrol.core.boundary import checked
-from hovercontrol.errors import InputError
-from hovercontrol.io.pyplot import open_in_pyplot
-from hovercontrol.io.short_repr import short_repr
+from hovercontrol.base.boundary import checked
+from hovercontrol.base.errors import InputError
+from hovercontrol.base.pyplot import open_in_pyplot
+from hovercontrol.base.short_repr import short_repr
 from hovercontrol.logs.clock import Clock, fit_clock, measured, moved
 from hovercontrol.logs.kalman import Estimate, fit_noise, run_filter, run_smoother
 from hovercontrol.logs.log import POSE, VELOCITY, Floats, Log, Mask

@@ -11,8 +11,8 @@ from typing import Protocol
 
 import pyarrow as pa
 
-from hovercontrol.errors import InputError
-from hovercontrol.io.files import readable
+from hovercontrol.base.errors import InputError
+from hovercontrol.base.files import readable
 from hovercontrol.logs.log import PARQUET
 from hovercontrol.logs.readers.tables import Tables
 

@@ -15,8 +15,8 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from hovercontrol.core.units import conversion_factor
-from hovercontrol.errors import ArgumentError, InputError
+from hovercontrol.base.errors import ArgumentError, InputError
+from hovercontrol.blocks.units import conversion_factor
 from hovercontrol.logs.log import Floats
 from hovercontrol.logs.source import Source
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from hovercontrol.errors import ArgumentError, InputError, did_you_mean
+from hovercontrol.base.errors import ArgumentError, InputError, did_you_mean
 from hovercontrol.logs.column_units import column_of
 from hovercontrol.logs.derived import parts_of
 from hovercontrol.logs.join import join_logs

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
-from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.blocks.block import Block
+from hovercontrol.blocks.plant_model import PlantModel
 from hovercontrol.logs.log import POSE, VELOCITY
-
-if TYPE_CHECKING:
-    from hovercontrol.models.interface import AnyModel
 
 
 @dataclass(frozen=True)
@@ -34,7 +32,7 @@ class Wanted:
     @classmethod
     def of(
         cls,
-        model: AnyModel | None,
+        model: PlantModel | Block | None,
         inputs: Sequence[str] | Mapping[str, str] = (),
         motion: bool = False,
     ) -> Wanted:
@@ -47,16 +45,14 @@ class Wanted:
         motion : bool, optional
             Whether motion is required even without a model.
         """
-        from hovercontrol.models.interface import as_model
-
         more = dict(inputs) if isinstance(inputs, Mapping) else dict.fromkeys(inputs, "")
         if model is None:
             return cls(more, {}, motion)
-        subject = as_model(model)
-        block = subject.plant(late=True)
+        block = model if isinstance(model, Block) else model.plant(late=True)
+        craft = not isinstance(model, Block) and model.is_craft
         own = {s.name: s.unit for s in block.inputs}
         seen = {s.name: s.unit for s in (*block.outputs, *block.states) if s.name not in own}
-        return cls({**more, **own}, {} if subject.is_craft else seen, motion or subject.is_craft)
+        return cls({**more, **own}, {} if craft else seen, motion or craft)
 
     def check(self, file: str, names: Sequence[str]) -> None:
         """Raise if a file lacks a column.

@@ -23,7 +23,7 @@ def test_an_effect_a_controller_a_scenario_and_a_backend_are_added_by_one_file_e
     for diff in DIFFS:
         subprocess.run(["git", "apply", "-"], input=diff, text=True, check=True, cwd=tmp_path, env=here)
         added += re.findall(r"^\+\+\+ b/(.*)$", diff, flags=re.MULTILINE)
-    assert [Path(a).parts[1] for a in added] == ["effects", "controllers", "scenarios", "targets"]
+    assert [Path(a).parts[1] for a in added] == ["craft", "control", "documents", "blocks"]
 
     modules = [a.removesuffix(".py").replace("/", ".") for a in added if a.endswith(".py")]
     examples = "import doctest, importlib\n" + "".join(

@@ -9,7 +9,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import pytest
 
-from hovercontrol.errors import InputError
+from hovercontrol.base.errors import InputError
 
 DESIGN = Path(__file__).parents[2] / "docs" / "design"
 CELL = re.compile(r"```\{code-cell\} ipython3\n((?::tags: [^\n]*\n)?)\n?(.*?)```", re.DOTALL)

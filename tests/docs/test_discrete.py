@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import hovercontrol as hc
-from hovercontrol import analysis
-from hovercontrol.errors import InputError
+from hovercontrol.base.errors import InputError
+from hovercontrol.control import analysis
 
 PAGE = (Path(__file__).parents[2] / "docs" / "design" / "discrete.md").read_text(encoding="utf-8")
 ROWS = dict(re.findall(r"^\| `([\w.]+)` \| (.+) \|$", PAGE, re.MULTILINE))

@@ -9,11 +9,11 @@ import pytest
 import typer.main
 
 import hovercontrol
-from hovercontrol.commands.analyze import known_scripts
-from hovercontrol.commands.app import app
-from hovercontrol.effects import effect_names
-from hovercontrol.scenarios import scenario_names
-from hovercontrol.schema import KINDS
+from hovercontrol.app.commands.analyze import known_scripts
+from hovercontrol.app.commands.app import app
+from hovercontrol.app.schema import KINDS
+from hovercontrol.craft.effects import effect_names
+from hovercontrol.documents.scenarios import scenario_names
 
 DOCS = Path(__file__).parents[2] / "docs"
 
@@ -105,7 +105,7 @@ def test_every_effect_and_scenario_has_a_page(tmp_path, monkeypatch):
 def test_an_effects_page_tells_equation_numbers_and_what_shows_it(name, tmp_path):
     from generate import effect_runs, effects
 
-    from hovercontrol.effects import effect_class
+    from hovercontrol.craft.effects import effect_class
 
     cls = effect_class(name)
     kind = "fan" if cls.craft == "fan" else "rudder"

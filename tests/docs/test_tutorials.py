@@ -47,7 +47,7 @@ def test_the_cable_of_a_users_own_machine_is_named_from_closed_loop_logs(tmp_pat
     assert 0.9 < after < 1.1  # the laser's noise is 1 mm
     assert "cable spring" in (tmp_path / "report.html").read_text(encoding="utf-8")
 
-    command = [sys.executable, "-m", "hovercontrol.cli", "diagnose", "trial1.csv", "trial2.csv"]
+    command = [sys.executable, "-m", "hovercontrol.app.cli", "diagnose", "trial1.csv", "trial2.csv"]
     own = ["--holdout", "trial3.csv", "--model", f"{script}:MODEL", "--effects", "cable_spring,rail_slope"]
     again = subprocess.run([*command, *own], capture_output=True, text=True, timeout=120, cwd=tmp_path)
     assert again.returncode == 0, again.stderr

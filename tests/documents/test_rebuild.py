@@ -4,9 +4,9 @@ import json
 
 import pytest
 
+from hovercontrol.base.errors import InputError
 from hovercontrol.documents import Item, Outcome, Printed, all_items, find_items, rebuild
 from hovercontrol.documents.index import index_content
-from hovercontrol.errors import InputError
 
 FITTED = Printed("e", "0.6 m", 0.57, 0.63, fitted="by a factor")
 

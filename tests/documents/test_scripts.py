@@ -59,7 +59,7 @@ def test_a_script_is_short_and_runs_what_its_document_has(name):
     text = (FOLDER / f"{name}.py").read_text(encoding="utf-8")
     assert text.count("\n") <= 15
     used = [n for n in ast.walk(ast.parse(text)) if isinstance(n, ast.ImportFrom)]
-    own, *others = sorted(n.module for n in used if n.module != "hovercontrol.analysis.output")
+    own, *others = sorted(n.module for n in used if n.module != "hovercontrol.control.analysis.output")
     assert own.startswith(f"hovercontrol.documents.{name.partition('_')[0]}.")
     assert not others
 

@@ -7,9 +7,9 @@ from pathlib import Path
 import sympy as sp
 
 from hovercontrol import Block, Signal, interconnect, vehicle, waypoints
-from hovercontrol.core.signals import time
-from hovercontrol.scenarios import load_scenario
-from hovercontrol.scenarios.runner import loop_parts
+from hovercontrol.blocks.signals import time
+from hovercontrol.documents.scenarios import load_scenario
+from hovercontrol.documents.scenarios.runner import loop_parts
 
 PARTS = loop_parts(load_scenario("table1"))
 

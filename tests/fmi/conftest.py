@@ -6,8 +6,8 @@ import tempfile
 
 import pytest
 
+from hovercontrol.blocks.backends.compiler import NoCompilerError, find_compiler
 from hovercontrol.fmi import load
-from hovercontrol.targets.compiler import NoCompilerError, find_compiler
 
 from .probe import compile_probe, write_fmu
 from .written import written_fmu

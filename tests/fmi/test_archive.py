@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hovercontrol.errors import InputError
+from hovercontrol.base.errors import InputError
 from hovercontrol.fmi import load
 from hovercontrol.fmi.importer.archive import Limits, check_xml, open_archive
 

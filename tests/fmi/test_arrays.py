@@ -11,12 +11,12 @@ from fmpy.fmi1 import FMICallException
 from fmpy.fmi3 import FMU3Model, FMU3Slave
 
 import hovercontrol as hc
+from hovercontrol.blocks.backends.compiler import NoCompilerError, find_compiler
 from hovercontrol.fmi.exporter.description import Experiment, model_description
 from hovercontrol.fmi.exporter.units import fmi_unit
 from hovercontrol.fmi.exporter.variables import Interface
 from hovercontrol.fmi.importer.archive import Header
 from hovercontrol.fmi.importer.reading import read_interface
-from hovercontrol.targets.compiler import NoCompilerError, find_compiler
 
 from .blocks import BLOCKS
 

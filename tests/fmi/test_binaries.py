@@ -138,7 +138,7 @@ def test_without_ziglang_other_platforms_say_what_to_install(monkeypatch):
 def test_without_any_compiler_one_line_says_so(monkeypatch):
     monkeypatch.setattr(binaries, "_zig", lambda: None)
     monkeypatch.setenv("PATH", "/nowhere")
-    monkeypatch.setattr("hovercontrol.targets.compiler._candidates", lambda: iter([("cc",)]))
+    monkeypatch.setattr("hovercontrol.blocks.backends.compiler._candidates", lambda: iter([("cc",)]))
     monkeypatch.delenv("CC", raising=False)
     with pytest.raises(InputError, match=r"no C compiler.*pip install"):
         built("plant", this_platform())

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from fmpy.fmi3 import FMU3Slave
 
-from hovercontrol.errors import InputError
+from hovercontrol.base.errors import InputError
 from hovercontrol.fmi import load
 from hovercontrol.fmi.importer.unpacked import open_source
 from hovercontrol.fmi.replay.replayer import Replayer, array_of, text_of

@@ -13,9 +13,9 @@ from fmpy.fmi3 import FMU3Model, FMU3Slave
 from scipy.integrate import solve_ivp
 
 from hovercontrol import Block, InputError, Signal, interconnect, rename, vehicle
-from hovercontrol.core.signals import time
+from hovercontrol.blocks.backends.compiler import NoCompilerError, find_compiler
+from hovercontrol.blocks.signals import time
 from hovercontrol.fmi import corrected_fmu, load
-from hovercontrol.targets.compiler import NoCompilerError, find_compiler
 
 try:
     find_compiler()

@@ -12,11 +12,11 @@ import pytest
 from fmpy.validation import validate_fmu
 
 from hovercontrol import Block, Signal, interconnect
-from hovercontrol.effects import effect
+from hovercontrol.blocks.backends.compiler import NoCompilerError, find_compiler
+from hovercontrol.blocks.simulation.trajectory import simulate
+from hovercontrol.craft.effects import effect
+from hovercontrol.craft.models.vehicles import c17_simulation
 from hovercontrol.fmi import load
-from hovercontrol.models.vehicles import c17_simulation
-from hovercontrol.simulation.trajectory import simulate
-from hovercontrol.targets.compiler import NoCompilerError, find_compiler
 
 try:
     find_compiler()

@@ -9,8 +9,8 @@ import pytest
 from fmpy.validation import validate_fmu
 from lxml import etree
 
-from hovercontrol.commands.exportable import choose
-from hovercontrol.commands.exportable_parts import PARTS
+from hovercontrol.app.commands.exportable import choose
+from hovercontrol.app.commands.exportable_parts import PARTS
 from hovercontrol.fmi.exporter.description import Experiment, model_description
 from hovercontrol.fmi.exporter.terminals import terminals
 from hovercontrol.fmi.exporter.variables import Interface

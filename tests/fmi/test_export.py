@@ -18,8 +18,8 @@ from fmpy.validation import validate_fmu
 
 import hovercontrol
 from hovercontrol import InputError, vehicle
+from hovercontrol.blocks.backends.compiler import NoCompilerError, find_compiler
 from hovercontrol.fmi.exporter.binaries import this_platform
-from hovercontrol.targets.compiler import NoCompilerError, find_compiler
 
 from .blocks import BLOCKS, exported
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import hovercontrol as hc
-from hovercontrol.errors import InputError
+from hovercontrol.base.errors import InputError
 
 FAULTS = {
     1: r"'x' is nan at t = 0\.3[0-9]* s",

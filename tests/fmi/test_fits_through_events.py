@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import hovercontrol as hc
-from hovercontrol.errors import InputError
+from hovercontrol.base.errors import InputError
 
 from .test_written import ball
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from fmpy.fmi3 import FMU3Slave
 
+from hovercontrol.blocks.backends.compiler import NoCompilerError, find_compiler
 from hovercontrol.fmi.exporter.variables import Interface
-from hovercontrol.targets.compiler import NoCompilerError, find_compiler
 
 from .blocks import BLOCKS, exported
 

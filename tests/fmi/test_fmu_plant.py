@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import hovercontrol as hc
-from hovercontrol.effects.command import InputDelay
-from hovercontrol.effects.generic_commands import lag
-from hovercontrol.effects.generic_measurements import bias
-from hovercontrol.errors import InputError
+from hovercontrol.base.errors import InputError
+from hovercontrol.craft.effects.command import InputDelay
+from hovercontrol.craft.effects.generic_commands import lag
+from hovercontrol.craft.effects.generic_measurements import bias
 from hovercontrol.fmi.around import Around
 from hovercontrol.fmi.replay.start_values import save_corrected
 

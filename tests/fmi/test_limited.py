@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import hovercontrol as hc
+from hovercontrol.craft.models.actuated import actuated
+from hovercontrol.craft.models.vehicles import c17_experiment, four_fan
 from hovercontrol.fmi import load
-from hovercontrol.models.actuated import actuated
-from hovercontrol.models.vehicles import c17_experiment, four_fan
 
 TIMES = np.linspace(0.0, 2.0, 41)
 

@@ -6,12 +6,12 @@ import subprocess
 
 import pytest
 
+from hovercontrol.blocks.backends.compiler import NoCompilerError, find_compiler
+from hovercontrol.craft.models.vehicles import vehicle
+from hovercontrol.documents.scenarios import load_scenario
+from hovercontrol.documents.scenarios.parts import loop_parts
 from hovercontrol.fmi.exporter.sources import fmu_sources
 from hovercontrol.fmi.exporter.variables import Interface
-from hovercontrol.models.vehicles import vehicle
-from hovercontrol.scenarios import load_scenario
-from hovercontrol.scenarios.parts import loop_parts
-from hovercontrol.targets.compiler import NoCompilerError, find_compiler
 
 try:
     CC = find_compiler()
@@ -55,6 +55,6 @@ def test_two_fmus_are_linked_into_one_program(tmp_path, version):
 
 @pytest.mark.slow
 def test_the_autopilot_with_all_its_conditions_compiles_without_a_warning(tmp_path):
-    from hovercontrol.commands.exportable import choose
+    from hovercontrol.app.commands.exportable import choose
 
     assert objects(tmp_path / "loop", Interface(choose("k06-real-turn").block, "events"), 3)

@@ -7,7 +7,7 @@ import pytest
 
 import hovercontrol as hc
 import hovercontrol.fmi
-from hovercontrol.errors import InputError
+from hovercontrol.base.errors import InputError
 from hovercontrol.fmi import load
 from hovercontrol.fmi.importer.follow import HELD
 

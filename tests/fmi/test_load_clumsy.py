@@ -7,7 +7,7 @@ import control as ct
 import numpy as np
 import pytest
 
-from hovercontrol.errors import InputError
+from hovercontrol.base.errors import InputError
 from hovercontrol.fmi import load
 
 from .probe import TROUBLE, binary, description, write_fmu

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import hovercontrol as hc
-from hovercontrol.errors import InputError
+from hovercontrol.base.errors import InputError
 from hovercontrol.fmi import load
 
 VERSIONS = pytest.mark.parametrize("version", [2, 3])

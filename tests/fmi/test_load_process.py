@@ -15,7 +15,7 @@ import control as ct
 import numpy as np
 import pytest
 
-from hovercontrol.errors import InputError
+from hovercontrol.base.errors import InputError
 from hovercontrol.fmi import load
 from hovercontrol.fmi.importer import worker
 from hovercontrol.fmi.importer.system import FmuSystem

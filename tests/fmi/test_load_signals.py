@@ -7,7 +7,7 @@ import fmpy
 import numpy as np
 import pytest
 
-from hovercontrol.errors import InputError
+from hovercontrol.base.errors import InputError
 
 from .probe import EXACT, STEP, TROUBLE, T, U, controller, exact
 

@@ -8,7 +8,7 @@ from fmpy.fmi2 import FMU2Slave
 from fmpy.fmi3 import FMU3Slave
 
 import hovercontrol as hc
-from hovercontrol.core.signals import time
+from hovercontrol.blocks.signals import time
 
 
 def oscillator():

@@ -12,7 +12,7 @@ import fmpy
 import numpy as np
 import pytest
 
-from hovercontrol.targets.compiler import find_compiler
+from hovercontrol.blocks.backends.compiler import find_compiler
 
 HOST = Path(__file__).parent / "platforms" / "host.c"
 ARM = Path("/usr/aarch64-linux-gnu")  # where Debian's libc6-arm64-cross puts the C library

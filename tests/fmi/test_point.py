@@ -9,7 +9,7 @@ from fmpy.fmi2 import FMU2Model
 from fmpy.fmi3 import FMU3Model
 
 import hovercontrol as hc
-from hovercontrol.errors import InputError
+from hovercontrol.base.errors import InputError
 from hovercontrol.fmi import load
 from hovercontrol.fmi.importer import point
 

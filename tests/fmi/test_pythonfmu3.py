@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from hovercontrol import Block, Signal
+from hovercontrol.blocks.backends.compiler import NoCompilerError, find_compiler
 from hovercontrol.fmi import corrected_fmu, load
-from hovercontrol.targets.compiler import NoCompilerError, find_compiler
 
 pytest.importorskip("pythonfmu3")
 

@@ -5,8 +5,8 @@ import pytest
 
 import hovercontrol as hc
 import hovercontrol.fmi
-from hovercontrol.errors import InputError
-from hovercontrol.targets.compiler import NoCompilerError, find_compiler
+from hovercontrol.base.errors import InputError
+from hovercontrol.blocks.backends.compiler import NoCompilerError, find_compiler
 
 CRAFT = hc.vehicle("c17_experiment").plant()
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import hovercontrol as hc
-from hovercontrol.commands.exportable import choose
-from hovercontrol.errors import InputError
+from hovercontrol.app.commands.exportable import choose
+from hovercontrol.base.errors import InputError
 from hovercontrol.fmi import export_ssp, load
 from hovercontrol.fmi.ssp import SSD, SSV
 

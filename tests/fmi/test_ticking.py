@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from hovercontrol import Block, Signal, interconnect
-from hovercontrol.targets.compiler import NoCompilerError, find_compiler
+from hovercontrol.blocks.backends.compiler import NoCompilerError, find_compiler
 
 try:
     find_compiler()

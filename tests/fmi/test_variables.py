@@ -5,12 +5,12 @@ import math
 import pytest
 
 from hovercontrol import Block, InputError, Signal
-from hovercontrol.core.friction import with_modes
-from hovercontrol.core.units import conversion_factor
+from hovercontrol.blocks.backends.c import partial_entries
+from hovercontrol.blocks.friction import with_modes
+from hovercontrol.blocks.units import conversion_factor
 from hovercontrol.fmi.exporter.structure import Structure
 from hovercontrol.fmi.exporter.units import DEGREES, fmi_unit
 from hovercontrol.fmi.exporter.variables import Interface
-from hovercontrol.targets.c import partial_entries
 
 from .blocks import BLOCKS
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import fmpy
 
-from hovercontrol.targets.compiler import find_compiler
+from hovercontrol.blocks.backends.compiler import find_compiler
 
 MODELS = Path(__file__).parent / "models"
 HEADERS = Path(fmpy.__file__).parent / "c-code"

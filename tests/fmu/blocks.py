@@ -5,11 +5,11 @@ from __future__ import annotations
 import sympy as sp
 
 from hovercontrol import Block, Signal, interconnect, waypoints
-from hovercontrol.core.sgn import sgn
-from hovercontrol.core.signals import time
-from hovercontrol.models.actuated import actuated
-from hovercontrol.scenarios import load_scenario
-from hovercontrol.scenarios.runner import loop_parts
+from hovercontrol.blocks.sgn import sgn
+from hovercontrol.blocks.signals import time
+from hovercontrol.craft.models.actuated import actuated
+from hovercontrol.documents.scenarios import load_scenario
+from hovercontrol.documents.scenarios.runner import loop_parts
 
 
 def driven() -> Block:

@@ -21,10 +21,10 @@ from fmpy.fmi1 import FMICallException
 from fmpy.sundials import CVodeSolver
 
 from hovercontrol import Block
+from hovercontrol.blocks.backends.compiled import compile_block
+from hovercontrol.blocks.backends.runtime import FMI
 from hovercontrol.fmi.exporter.sources import fmu_sources, without_prefix
 from hovercontrol.fmi.exporter.variables import Interface
-from hovercontrol.targets.compiled import compile_block
-from hovercontrol.targets.runtime import FMI
 
 from .support import RUNTIME, objects
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hovercontrol.targets.runtime import SIMULATION, runtime_folder
+from hovercontrol.blocks.backends.runtime import SIMULATION, runtime_folder
 
 RUNTIME = runtime_folder()
 MODELS = Path(__file__).parent / "models"

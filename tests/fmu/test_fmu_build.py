@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from hovercontrol.targets.runtime import DELAYS, FMI, INSTANCE
+from hovercontrol.blocks.backends.runtime import DELAYS, FMI, INSTANCE
 
 from .blocks import BLOCKS
 from .fmi_support import STRICT, build, run, write_sources

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from hovercontrol import interconnect
-from hovercontrol.controllers import tracking_controller
-from hovercontrol.controllers.references import circle
-from hovercontrol.models.vehicles import c17_simulation
-from hovercontrol.targets import shoot
-from hovercontrol.targets.c import c_source
-from hovercontrol.targets.c_lanes import lanes_source, slopes_source
-from hovercontrol.targets.runtime import AROUND, AROUND_FMI, FOLLOWING, SHOOTING
-from hovercontrol.targets.shoot import Columns
+from hovercontrol.blocks.backends import shoot
+from hovercontrol.blocks.backends.c import c_source
+from hovercontrol.blocks.backends.c_lanes import lanes_source, slopes_source
+from hovercontrol.blocks.backends.runtime import AROUND, AROUND_FMI, FOLLOWING, SHOOTING
+from hovercontrol.blocks.backends.shoot import Columns
+from hovercontrol.control.controllers import tracking_controller
+from hovercontrol.control.controllers.references import circle
+from hovercontrol.craft.models.vehicles import c17_simulation
 
 from .support import MODELS, OK, RUNTIME, SOURCES, STRICT, compile_c, runtime_objects
 

@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 
 import hovercontrol as hc
-from hovercontrol.core.units import conversion_factor, dimension
+from hovercontrol.blocks.units import conversion_factor, dimension
+from hovercontrol.documents.scenarios import load_scenario
+from hovercontrol.documents.scenarios.varied import vary
+from hovercontrol.identification.engine.frame_check import check_frame
 from hovercontrol.logs import Log, read_log
-from hovercontrol.logs.frames import check_frame, in_z_up
-from hovercontrol.scenarios import load_scenario
-from hovercontrol.scenarios.varied import vary
+from hovercontrol.logs.frames import in_z_up
 from tests.fuzz import mutate
 from tests.fuzz.sound import CALLABLES, Call, sound_calls
 from tests.fuzz.walk import probes

@@ -16,11 +16,11 @@ from typing import Any
 
 from aiohttp import web
 
-from hovercontrol.cockpit.loop import Loop
-from hovercontrol.cockpit.pacer import Pacer
-from hovercontrol.cockpit.server import Console, runner
-from hovercontrol.models.vehicles import vehicle
-from hovercontrol.samples import sample_path
+from hovercontrol.app.cockpit.loop import Loop
+from hovercontrol.app.cockpit.pacer import Pacer
+from hovercontrol.app.cockpit.server import Console, runner
+from hovercontrol.craft.models.vehicles import vehicle
+from hovercontrol.documents.samples import sample_path
 from tests.fuzz import mutate
 from tests.fuzz.judge import LINE, Broken
 

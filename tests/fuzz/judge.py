@@ -13,8 +13,9 @@ import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from hovercontrol import cli, endings
-from hovercontrol.errors import InputError
+from hovercontrol.app import cli
+from hovercontrol.base import endings
+from hovercontrol.base.errors import InputError
 
 LONGEST = 20.0
 """Seconds after which an input counts as a hang."""

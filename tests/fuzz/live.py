@@ -10,12 +10,12 @@ from typing import Any
 
 from jsonschema import Draft202012Validator
 
-from hovercontrol.monitor.follow import follow, json_line
-from hovercontrol.monitor.lines import Lines
-from hovercontrol.schema import schema
+from hovercontrol.app.schema import schema
+from hovercontrol.identification.monitor.follow import follow, json_line
+from hovercontrol.identification.monitor.lines import Lines
 from tests.fuzz import mutate
 from tests.fuzz.judge import Broken, call
-from tests.monitor.cart import cart_monitor, log
+from tests.identification.monitor.cart import cart_monitor, log
 
 Cells = list[list[str]]
 

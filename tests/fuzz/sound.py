@@ -27,7 +27,7 @@ CALLABLES = {
     name: thing
     for name, thing in {**{q: f for q, (f, _, _) in CALLED.items()}, **CLASSES}.items()
     if not inspect.isclass(thing) or not getattr(thing, "_is_protocol", False)
-    if name != "hovercontrol.core.sgn.sgn" and arguments(thing) and list(arguments(thing)) != ["c", "s"]
+    if name != "hovercontrol.blocks.sgn.sgn" and arguments(thing) and list(arguments(thing)) != ["c", "s"]
 }
 
 

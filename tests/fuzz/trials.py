@@ -19,13 +19,13 @@ import pandas  # noqa: F401  a time limit that ends its first import within a tr
 import pyarrow as pa
 import pyarrow.parquet
 
-from hovercontrol.commands.given import pairs
-from hovercontrol.core.units import dimension
+from hovercontrol.app.commands.given import pairs
+from hovercontrol.blocks.units import dimension
+from hovercontrol.craft.models.modelfile import load_model, model_text
+from hovercontrol.craft.models.vehicles import VEHICLES, vehicle
+from hovercontrol.documents.samples import sample_path
+from hovercontrol.documents.scenarios import load_scenario, scenario_names
 from hovercontrol.logs import read_log
-from hovercontrol.models.modelfile import load_model, model_text
-from hovercontrol.models.vehicles import VEHICLES, vehicle
-from hovercontrol.samples import sample_path
-from hovercontrol.scenarios import load_scenario, scenario_names
 from tests.fuzz import mutate
 from tests.fuzz.judge import Broken, call, command, forked
 from tests.fuzz.live import live_rows
@@ -200,7 +200,7 @@ def a_model_file_is_read(rng: Random, folder: Path) -> int:
 
 @cache
 def _scenarios() -> list[str]:
-    place = resources.files("hovercontrol.scenarios")
+    place = resources.files("hovercontrol.documents.scenarios")
     return [(place / f"{name}.toml").read_text() for name in scenario_names()]
 
 

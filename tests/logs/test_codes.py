@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hovercontrol.errors import InputError
-from hovercontrol.identify import identify
-from hovercontrol.log_check import check
+from hovercontrol.base.errors import InputError
+from hovercontrol.craft.models.vehicles import c17_experiment
+from hovercontrol.identification.check import check
+from hovercontrol.identification.identify import identify
 from hovercontrol.logs import Log, read_log
 from hovercontrol.logs.codes import gap_code
-from hovercontrol.models.vehicles import c17_experiment
 
 T = 0.02 * np.arange(400)
 LOST = (T > 3.0) & (T < 3.5)

@@ -6,13 +6,14 @@ from functools import cache
 import numpy as np
 import pytest
 
-from hovercontrol.errors import InputError
+from hovercontrol.base.errors import InputError
+from hovercontrol.craft.models.vehicles import vehicle
+from hovercontrol.documents.samples import sample_path
+from hovercontrol.documents.scenarios import load_scenario, run_scenario
+from hovercontrol.identification.engine.frame_check import check_frame
 from hovercontrol.logs import Log, read_log
-from hovercontrol.logs.frames import check_frame, in_z_up
-from hovercontrol.models.vehicles import vehicle
-from hovercontrol.samples import sample_path
-from hovercontrol.scenarios import load_scenario, run_scenario
-from tests.discrepancy.generator import make
+from hovercontrol.logs.frames import in_z_up
+from tests.identification.diagnose.generator import make
 
 
 @cache

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hovercontrol.errors import InputError
+from hovercontrol.base.errors import InputError
 from hovercontrol.logs import BenchTable, Condition, Log, gather
 
 

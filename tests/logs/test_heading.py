@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from hovercontrol.commands.given import pairs
-from hovercontrol.errors import ArgumentError, InputError
+from hovercontrol.app.commands.given import pairs
+from hovercontrol.base.errors import ArgumentError, InputError
 from hovercontrol.logs import read_log
 
 #: Three turns and a little roll and pitch.

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hovercontrol.identify import identify
-from hovercontrol.log_check import check
+from hovercontrol.craft.models.vehicles import c17_experiment
+from hovercontrol.identification.check import check
+from hovercontrol.identification.identify import identify
 from hovercontrol.logs import Log
 from hovercontrol.logs.held import repeats, without_repeats
-from hovercontrol.models.vehicles import c17_experiment
 
 POSE, COMMANDS = ("x", "y", "psi"), ("thrust", "rudder")
 

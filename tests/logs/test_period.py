@@ -6,7 +6,7 @@ import pytest
 import scipy.io
 
 import hovercontrol as hc
-from hovercontrol.errors import InputError
+from hovercontrol.base.errors import InputError
 from hovercontrol.logs import gather, read_log
 
 PLANT = """import hovercontrol as hc

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hovercontrol.discrepancy.checks import check_logs
-from hovercontrol.errors import InputError
-from hovercontrol.identify import identify
-from hovercontrol.log_check import check
+from hovercontrol.base.errors import InputError
+from hovercontrol.craft.models.vehicles import c17_experiment
+from hovercontrol.identification.check import check
+from hovercontrol.identification.diagnose.checks import check_logs
+from hovercontrol.identification.identify import identify
 from hovercontrol.logs import Log, join_logs
 from hovercontrol.logs.log import Trial
 from hovercontrol.logs.prepare import prepared
-from hovercontrol.models.vehicles import c17_experiment
 from tests.logs.test_held import COMMANDS, LOG, POSE
 
 NAN = float("nan")

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 import hovercontrol as hc
-from hovercontrol.errors import ArgumentError, InputError
+from hovercontrol.base.errors import ArgumentError, InputError
 from hovercontrol.logs import Log, read_log
 
 GOOD = "time,u,v,r\n0.0,1,2,3\n0.1,1.5,2,3\n0.2,2,2,3\n"

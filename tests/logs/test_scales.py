@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from hovercontrol.errors import InputError
-from hovercontrol.identify import identify
-from hovercontrol.log_check import check
+from hovercontrol.base.errors import InputError
+from hovercontrol.craft.models.vehicles import vehicle
+from hovercontrol.documents.samples import sample_path
+from hovercontrol.identification.check import check
+from hovercontrol.identification.identify import identify
 from hovercontrol.logs import Log, read_log
 from hovercontrol.logs.scales import scale_faults
-from hovercontrol.models.vehicles import vehicle
-from hovercontrol.samples import sample_path
 
 
 @pytest.fixture(scope="module")

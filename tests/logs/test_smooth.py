@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from hovercontrol.errors import InputError
+from hovercontrol.base.errors import InputError
 from hovercontrol.logs import Log, Smoothed, fit_clock, smooth_pose, steady
 from hovercontrol.logs.kalman import run_filter, run_smoother
 

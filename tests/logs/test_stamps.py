@@ -7,7 +7,7 @@ import pyarrow as pa
 import pyarrow.parquet
 import pytest
 
-from hovercontrol.errors import ArgumentError, InputError
+from hovercontrol.base.errors import ArgumentError, InputError
 from hovercontrol.logs import join_logs, read_log
 from hovercontrol.logs.gather import gather
 

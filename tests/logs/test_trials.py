@@ -7,15 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hovercontrol.core.block import Block
-from hovercontrol.core.signals import Signal
-from hovercontrol.errors import InputError
-from hovercontrol.estimation.measure import measure
-from hovercontrol.identify import identify
-from hovercontrol.identify.predict import free_run
+from hovercontrol.base.errors import InputError
+from hovercontrol.blocks.block import Block
+from hovercontrol.blocks.signals import Signal
+from hovercontrol.craft.models.blockmodel import BlockModel
+from hovercontrol.identification.engine.measure import measure
+from hovercontrol.identification.identify import identify
+from hovercontrol.identification.identify.predict import free_run
 from hovercontrol.logs import Log, join_logs, read_log
 from hovercontrol.logs.log import Trial
-from hovercontrol.models.blockmodel import BlockModel
 
 V, U = Signal("speed", "m/s"), Signal("fan", "1")
 K, D = Signal("k", "m/s^2", start=8.0), Signal("d", "1/s", start=1.0)
@@ -85,8 +85,8 @@ def test_a_free_run_starts_again_at_each_trial(tmp_path):
 
 
 def test_commands_of_a_trial_do_not_lag_into_the_next(tmp_path):
-    from hovercontrol.estimation.data import gather
-    from hovercontrol.estimation.problem import Problem
+    from hovercontrol.identification.engine.data import gather
+    from hovercontrol.identification.engine.problem import Problem
 
     problem = Problem(
         BlockModel(TROLLEY), gather(BlockModel(TROLLEY), [read(write(tmp_path / "a.csv", None))])

@@ -24,7 +24,7 @@ import numpy as np
 import hovercontrol as hc
 assert hc.__version__ == version("hovercontrol"), (hc.__version__, version("hovercontrol"))
 assert (files("hovercontrol") / "py.typed").is_file()
-from hovercontrol.scenarios import load_scenario, run_scenario
+from hovercontrol.documents.scenarios import load_scenario, run_scenario
 with warnings.catch_warnings(record=True) as said:
     warnings.simplefilter("always")
     compiled = hc.vehicle("c17_simulation").plant().compile()

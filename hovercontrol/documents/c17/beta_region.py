@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from hovercontrol.analysis.lyapunov import decay, fastest_beta, lyapunov_function
-from hovercontrol.analysis.output import Progress, quiet, save
-from hovercontrol.analysis.regions import Region, axis, mesh
-from hovercontrol.core.boundary import checked
+from hovercontrol.base.boundary import checked
+from hovercontrol.base.tables import positive
+from hovercontrol.control.analysis.lyapunov import decay, fastest_beta, lyapunov_function
+from hovercontrol.control.analysis.output import Progress, quiet, save
+from hovercontrol.control.analysis.regions import Region, axis, mesh
 from hovercontrol.documents.printed import rebuilds
-from hovercontrol.io.tables import positive
 
 
 @checked

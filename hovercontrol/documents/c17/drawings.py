@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from hovercontrol.core.block import Block
+from hovercontrol.blocks.block import Block
 from hovercontrol.documents.printed import rebuilds
 
 Array = NDArray[np.float64]
@@ -71,7 +71,8 @@ def architecture(blocks: Mapping[str, Block]) -> Figure:
     Parameters
     ----------
     blocks : mapping of str to Block
-        Of :func:`hovercontrol.scenarios.sampling.sampled_blocks`: plant, sensor, reference, computer, radio.
+        Of :func:`hovercontrol.documents.scenarios.sampling.sampled_blocks`: plant, sensor, reference,
+        computer, radio.
     """
     places = {"plant": (0.1, 0.7), "sensor": (0.5, 0.7), "computer": (0.9, 0.7), "radio": (0.5, 0.2)}
     places |= {"reference": (0.9, 0.2)}

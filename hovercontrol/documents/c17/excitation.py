@@ -12,7 +12,11 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure, SubFigure
 from numpy.typing import NDArray
 
-from hovercontrol.analysis import (
+from hovercontrol.base.figure_style import COLOUR_MAP
+from hovercontrol.blocks.block import Block
+from hovercontrol.blocks.interconnect import interconnect
+from hovercontrol.blocks.simulation.trajectory import simulate
+from hovercontrol.control.analysis import (
     ExpectedErrors,
     Gramian,
     Region,
@@ -22,19 +26,15 @@ from hovercontrol.analysis import (
     observability_gramian,
     signals_of,
 )
-from hovercontrol.analysis.iss import DRAG
-from hovercontrol.analysis.output import Progress, part, quiet, save
-from hovercontrol.controllers import tracking_controller
-from hovercontrol.controllers.references import ellipse, figure_eight
-from hovercontrol.core.block import Block
-from hovercontrol.core.interconnect import interconnect
+from hovercontrol.control.analysis.iss import DRAG
+from hovercontrol.control.analysis.output import Progress, part, quiet, save
+from hovercontrol.control.controllers import tracking_controller
+from hovercontrol.control.controllers.references import ellipse, figure_eight
+from hovercontrol.control.observers import Regressors, regression
+from hovercontrol.craft.models.vehicles import c17_simulation
 from hovercontrol.documents.c17.runs import draw, run
 from hovercontrol.documents.c17.simulation import ACTUATORS, errors_at
 from hovercontrol.documents.printed import rebuilds
-from hovercontrol.estimators import Regressors, regression
-from hovercontrol.io.figure_style import COLOUR_MAP
-from hovercontrol.models.vehicles import c17_simulation
-from hovercontrol.simulation.trajectory import simulate
 
 #: Angular rates of the ellipses that are tried [rad/s].
 RATES = (0.5, 0.6, 0.7, 0.8, 0.9, 1.0)

@@ -15,9 +15,9 @@ from hovercontrol.documents.c17.drawings import architecture
 from hovercontrol.documents.c17.runs import VELOCITIES, draw, error_between, run, shows
 from hovercontrol.documents.c17.yaw import LAP, Variant, pattern, variants
 from hovercontrol.documents.printed import printed, rebuilds
-from hovercontrol.scenarios import load_scenario, run_scenario
-from hovercontrol.scenarios.parts import loop_parts
-from hovercontrol.scenarios.sampling import sampled_blocks
+from hovercontrol.documents.scenarios import load_scenario, run_scenario
+from hovercontrol.documents.scenarios.parts import loop_parts
+from hovercontrol.documents.scenarios.sampling import sampled_blocks
 
 LACKS = (
     "control point, initial state, drag of the day and altered drag, noise of the motion capture, initial "

@@ -11,14 +11,14 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from hovercontrol.analysis.loops import initial_errors, tracking_loop
-from hovercontrol.analysis.lyapunov import decay, lyapunov_function
-from hovercontrol.analysis.output import Progress, quiet, save
-from hovercontrol.analysis.regions import Region, mesh, positive_axis, subfolder, sweep_map
-from hovercontrol.core.boundary import checked
-from hovercontrol.io.tables import positive
-from hovercontrol.models.model import Model
-from hovercontrol.models.vehicles import c17_experiment, c17_simulation
+from hovercontrol.base.boundary import checked
+from hovercontrol.base.tables import positive
+from hovercontrol.control.analysis.loops import initial_errors, tracking_loop
+from hovercontrol.control.analysis.lyapunov import decay, lyapunov_function
+from hovercontrol.control.analysis.output import Progress, quiet, save
+from hovercontrol.control.analysis.regions import Region, mesh, positive_axis, subfolder, sweep_map
+from hovercontrol.craft.models.model import Model
+from hovercontrol.craft.models.vehicles import c17_experiment, c17_simulation
 
 Array = NDArray[np.float64]
 
@@ -60,7 +60,7 @@ def gain_region(
     start : mapping, optional
         Initial state by ``plant.NAME``, over zero.
     executor, checkpoint, progress
-        As for :meth:`~hovercontrol.targets.compiled.CompiledBlock.sweep`.
+        As for :meth:`~hovercontrol.blocks.backends.compiled.CompiledBlock.sweep`.
 
     Returns
     -------

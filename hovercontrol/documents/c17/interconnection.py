@@ -15,17 +15,17 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from hovercontrol.analysis.intervals import clopper_pearson
-from hovercontrol.analysis.iss import DRAG
-from hovercontrol.analysis.loops import c17_ellipse, on_reference, tracking_loop
-from hovercontrol.analysis.output import Progress, part, quiet, save
-from hovercontrol.analysis.regions import Axis, Region, axis, refuse_large
-from hovercontrol.core.arguments import at_least
-from hovercontrol.core.boundary import checked
-from hovercontrol.errors import InputError
-from hovercontrol.io.tables import positive
-from hovercontrol.models.model import Model
-from hovercontrol.models.vehicles import c17_experiment, c17_simulation
+from hovercontrol.base.arguments import at_least
+from hovercontrol.base.boundary import checked
+from hovercontrol.base.errors import InputError
+from hovercontrol.base.tables import positive
+from hovercontrol.control.analysis.intervals import clopper_pearson
+from hovercontrol.control.analysis.iss import DRAG
+from hovercontrol.control.analysis.loops import c17_ellipse, on_reference, tracking_loop
+from hovercontrol.control.analysis.output import Progress, part, quiet, save
+from hovercontrol.control.analysis.regions import Axis, Region, axis, refuse_large
+from hovercontrol.craft.models.model import Model
+from hovercontrol.craft.models.vehicles import c17_experiment, c17_simulation
 
 Array = NDArray[np.float64]
 
@@ -76,7 +76,7 @@ def region_of_attraction(
         The error [m] below which the craft is on the reference.
     seed : int, optional
     executor, checkpoint, progress
-        As for :meth:`~hovercontrol.targets.compiled.CompiledBlock.sweep`.
+        As for :meth:`~hovercontrol.blocks.backends.compiled.CompiledBlock.sweep`.
 
     Returns
     -------

@@ -8,9 +8,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from hovercontrol.analysis import iss_gain, simulated_errors
-from hovercontrol.analysis.output import Progress, quiet, save
-from hovercontrol.models.vehicles import c17_simulation
+from hovercontrol.control.analysis import iss_gain, simulated_errors
+from hovercontrol.control.analysis.output import Progress, quiet, save
+from hovercontrol.craft.models.vehicles import c17_simulation
 
 
 def main(

@@ -8,15 +8,15 @@ import numpy as np
 import sympy as sp
 from numpy.typing import ArrayLike, NDArray
 
-from hovercontrol.core.block import Block
-from hovercontrol.core.interconnect import interconnect
-from hovercontrol.core.signals import Signal, time
-from hovercontrol.errors import InputError
-from hovercontrol.scenarios import Scenario
-from hovercontrol.scenarios.definition import Metric
-from hovercontrol.scenarios.parts import loop_parts
-from hovercontrol.scenarios.sampling import sampled_loop
-from hovercontrol.scenarios.varied import swept_phases
+from hovercontrol.base.errors import InputError
+from hovercontrol.blocks.block import Block
+from hovercontrol.blocks.interconnect import interconnect
+from hovercontrol.blocks.signals import Signal, time
+from hovercontrol.documents.scenarios import Scenario
+from hovercontrol.documents.scenarios.definition import Metric
+from hovercontrol.documents.scenarios.parts import loop_parts
+from hovercontrol.documents.scenarios.sampling import sampled_loop
+from hovercontrol.documents.scenarios.varied import swept_phases
 
 Array = NDArray[np.float64]
 

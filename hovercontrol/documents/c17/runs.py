@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.documents.printed import Measure
-from hovercontrol.scenarios import Run, load_scenario, run_scenario
-from hovercontrol.scenarios.figures import figures
+from hovercontrol.documents.scenarios import Run, load_scenario, run_scenario
+from hovercontrol.documents.scenarios.figures import figures
 
 Array = NDArray[np.float64]
 

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from hovercontrol.analysis.iss import DRAG
+from hovercontrol.control.analysis.iss import DRAG
 from hovercontrol.documents.c17.runs import VELOCITIES, draw, error_between, run, shows
 from hovercontrol.documents.printed import rebuilds
-from hovercontrol.scenarios import load_scenario, run_scenario
+from hovercontrol.documents.scenarios import load_scenario, run_scenario
 
 LACKS = (
     "the simulation's coefficients, initial state and covariance; ours are the experiment's c1 to c7, with "

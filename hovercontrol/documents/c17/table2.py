@@ -12,11 +12,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
-from hovercontrol.analysis.output import Progress, quiet, save
+from hovercontrol.base.short_repr import short_repr
+from hovercontrol.control.analysis.output import Progress, quiet, save
 from hovercontrol.documents.c17.mean_errors import mean_errors
 from hovercontrol.documents.printed import printed
-from hovercontrol.io.short_repr import short_repr
-from hovercontrol.scenarios import Scenario, load_scenario
+from hovercontrol.documents.scenarios import Scenario, load_scenario
 
 Array = NDArray[np.float64]
 

@@ -10,12 +10,12 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from hovercontrol.analysis.loops import on_reference
-from hovercontrol.controllers import tracking_controller
-from hovercontrol.controllers.references import ellipse
-from hovercontrol.core.interconnect import interconnect
-from hovercontrol.errors import InputError
-from hovercontrol.models.vehicles import c17_experiment
+from hovercontrol.base.errors import InputError
+from hovercontrol.blocks.interconnect import interconnect
+from hovercontrol.control.analysis.loops import on_reference
+from hovercontrol.control.controllers import tracking_controller
+from hovercontrol.control.controllers.references import ellipse
+from hovercontrol.craft.models.vehicles import c17_experiment
 
 Array = NDArray[np.float64]
 

@@ -13,17 +13,17 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from hovercontrol.analysis.loops import c17_ellipse, on_reference, tracking_loop
-from hovercontrol.analysis.output import Progress, quiet, save
-from hovercontrol.analysis.regions import Axis, Region, axis, mesh, refuse_large, subfolder, sweep_map
-from hovercontrol.analysis.zero_dynamics import predict, theorem_4_margin
-from hovercontrol.core.boundary import checked
+from hovercontrol.base.boundary import checked
+from hovercontrol.base.errors import InputError
+from hovercontrol.base.tables import number, positive
+from hovercontrol.blocks.backends.sweep import SweepResult
+from hovercontrol.control.analysis.loops import c17_ellipse, on_reference, tracking_loop
+from hovercontrol.control.analysis.output import Progress, quiet, save
+from hovercontrol.control.analysis.regions import Axis, Region, axis, mesh, refuse_large, subfolder, sweep_map
+from hovercontrol.control.analysis.zero_dynamics import predict, theorem_4_margin
+from hovercontrol.craft.models.model import Model
+from hovercontrol.craft.models.vehicles import c17_experiment, c17_simulation
 from hovercontrol.documents.printed import rebuilds
-from hovercontrol.errors import InputError
-from hovercontrol.io.tables import number, positive
-from hovercontrol.models.model import Model
-from hovercontrol.models.vehicles import c17_experiment, c17_simulation
-from hovercontrol.targets.sweep import SweepResult
 
 Array = NDArray[np.float64]
 
@@ -91,7 +91,7 @@ def arm_region(
     duration : float, optional
         Of each simulation along C17's ellipse [s].
     executor, checkpoint, progress
-        As for :meth:`~hovercontrol.targets.compiled.CompiledBlock.sweep`.
+        As for :meth:`~hovercontrol.blocks.backends.compiled.CompiledBlock.sweep`.
 
     Returns
     -------

@@ -11,11 +11,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from hovercontrol.analysis.budget import GROUPS, Budget, budget
-from hovercontrol.analysis.output import Progress, part, quiet, save
-from hovercontrol.autopilot import SWITCHES
+from hovercontrol.control.analysis.output import Progress, part, quiet, save
+from hovercontrol.control.autopilot import SWITCHES
 from hovercontrol.documents.k06.trial_bands import chosen_trials, panels
-from hovercontrol.scenarios import load_scenario
+from hovercontrol.documents.scenarios import load_scenario
+from hovercontrol.documents.scenarios.budget import GROUPS, Budget, budget
 
 #: K06's trials, as ``k06-real-...``.
 TRIALS = ("stop", "forward", "reverse", "turn", "heading-bangbang", "heading-proportional")

@@ -11,14 +11,14 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from hovercontrol.analysis.output import Progress, quiet, save
+from hovercontrol.control.analysis.output import Progress, quiet, save
+from hovercontrol.control.observers.ins import IMU_PERIOD, K06_NOISE, noise_from_sensors
 from hovercontrol.documents.k06.consistency_runs import (
     FILTER_RUNS,
     Results,
     own_heading,
     own_motion,
 )
-from hovercontrol.estimators.ins import IMU_PERIOD, K06_NOISE, noise_from_sensors
 
 #: Where a filter's covariances come from.
 SENSORS, PRINTED = "of the stated sensors", "with K06's printed Q1, Q2"

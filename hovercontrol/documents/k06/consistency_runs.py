@@ -9,7 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hovercontrol.analysis.ins_monte_carlo import (
+from hovercontrol.blocks.block import Block
+from hovercontrol.control.analysis.ins_monte_carlo import (
     Array,
     course,
     covariance,
@@ -20,8 +21,7 @@ from hovercontrol.analysis.ins_monte_carlo import (
     sensed,
     started,
 )
-from hovercontrol.core.block import Block
-from hovercontrol.estimators.ins import (
+from hovercontrol.control.observers.ins import (
     IMU_PERIOD,
     Consistency,
     InsNoise,
@@ -35,7 +35,7 @@ from hovercontrol.estimators.ins import (
     simulate_runs,
     velocity_position_filter,
 )
-from hovercontrol.hardware.sensors import Beacons
+from hovercontrol.craft.hardware.sensors import Beacons
 
 #: The sensors as stated, with biases that do not walk.
 ERRORS = SensorErrors(gyro_walk=0.0, acceleration_walk=0.0)
@@ -60,7 +60,7 @@ class FilterRuns(NamedTuple):
     make : callable
         The filter from its covariances.
     inputs, start : mapping of str to ndarray
-        As for :func:`~hovercontrol.estimators.ins.simulate_runs`.
+        As for :func:`~hovercontrol.control.observers.ins.simulate_runs`.
     judge : callable
         From the filter's outputs to its consistency, by the label of the row.
     """

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from hovercontrol.analysis.delayed_law import DelayedLoop
-from hovercontrol.analysis.output import Progress, quiet, save
+from hovercontrol.control.analysis.delayed_law import DelayedLoop
+from hovercontrol.control.analysis.output import Progress, quiet, save
 from hovercontrol.documents.k06.law_loop import ROUND_TRIP, force_craft, trial_numbers
 
 #: Weights of u, v [s^2/m^2] and r [s^2], and of the forces [1/N^2].

@@ -11,14 +11,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
-from hovercontrol.analysis.output import Progress, quiet, save
-from hovercontrol.core.interconnect import interconnect
+from hovercontrol.blocks.backends.compiled import CompiledBlock
+from hovercontrol.blocks.interconnect import interconnect
+from hovercontrol.control.analysis.output import Progress, quiet, save
+from hovercontrol.control.observers.ins import IMU_PERIOD
+from hovercontrol.craft.hardware.sensors import gyro_compensation, gyro_dynamics
 from hovercontrol.documents.k06.bench.blocks import gyro_chain
 from hovercontrol.documents.k06.bench.runs import ticks
 from hovercontrol.documents.printed import rebuilds
-from hovercontrol.estimators.ins import IMU_PERIOD
-from hovercontrol.hardware.sensors import gyro_compensation, gyro_dynamics
-from hovercontrol.targets.compiled import CompiledBlock
 
 Array = NDArray[np.float64]
 

@@ -11,18 +11,18 @@ import sympy as sp
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from hovercontrol.documents.printed import rebuilds
-from hovercontrol.hardware.actuators import (
+from hovercontrol.craft.hardware.actuators import (
     fan_tables,
     force_angle_of_rudder,
     reverse_ratio,
     servo_table,
 )
-from hovercontrol.hardware.calibration import fit_inertia, mean_inertia
-from hovercontrol.hardware.links import TABLE_5_1, bluetooth_delays
-from hovercontrol.hardware.sensors import corrected_range, k06_cricket
-from hovercontrol.hardware.sensors.cone import K06_CONE
-from hovercontrol.models.vehicles import HOVERDEMON_BODY, hoverdemon
+from hovercontrol.craft.hardware.calibration import fit_inertia, mean_inertia
+from hovercontrol.craft.hardware.links import TABLE_5_1, bluetooth_delays
+from hovercontrol.craft.hardware.sensors import corrected_range, k06_cricket
+from hovercontrol.craft.hardware.sensors.cone import K06_CONE
+from hovercontrol.craft.models.vehicles import HOVERDEMON_BODY, hoverdemon
+from hovercontrol.documents.printed import rebuilds
 
 Array = NDArray[np.float64]
 

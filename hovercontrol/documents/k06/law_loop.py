@@ -10,20 +10,21 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from hovercontrol.analysis.normal_form import symbol
-from hovercontrol.controllers.k06 import force_to_command, setpoints, turn
-from hovercontrol.controllers.k06.energy import body_signals, kinetic_energy, unwanted_level
-from hovercontrol.controllers.k06.laws import FORCE_X, FORCE_Y, SURGE_REF, YAW_RATE_REF
-from hovercontrol.core.block import Block
-from hovercontrol.core.delays import pade
-from hovercontrol.core.interconnect import interconnect, rename
-from hovercontrol.core.signals import Signal
-from hovercontrol.errors import InputError
-from hovercontrol.hardware.links import bluetooth_delays
-from hovercontrol.io.tables import number
-from hovercontrol.models.motion import MOTION
-from hovercontrol.models.vehicles import HOVERDEMON_BODY, hoverdemon
-from hovercontrol.scenarios import load_scenario
+from hovercontrol.base.errors import InputError
+from hovercontrol.base.tables import number
+from hovercontrol.blocks.block import Block
+from hovercontrol.blocks.delays import pade
+from hovercontrol.blocks.interconnect import interconnect, rename
+from hovercontrol.blocks.signals import Signal
+from hovercontrol.control.analysis.normal_form import symbol
+from hovercontrol.control.controllers.k06 import force_to_command, setpoints, turn
+from hovercontrol.control.controllers.k06.energy import body_signals, kinetic_energy, unwanted_level
+from hovercontrol.control.controllers.k06.laws import SURGE_REF, YAW_RATE_REF
+from hovercontrol.craft.hardware.actuators.signals import FORCE_X, FORCE_Y
+from hovercontrol.craft.hardware.links import bluetooth_delays
+from hovercontrol.craft.models.motion import MOTION
+from hovercontrol.craft.models.vehicles import HOVERDEMON_BODY, hoverdemon
+from hovercontrol.documents.scenarios import load_scenario
 
 Array = NDArray[np.float64]
 

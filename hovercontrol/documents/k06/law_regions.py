@@ -10,8 +10,12 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from hovercontrol.analysis.output import Progress, quiet, save
-from hovercontrol.analysis.regions import (
+from hovercontrol.base.boundary import checked
+from hovercontrol.base.errors import InputError
+from hovercontrol.base.tables import positive
+from hovercontrol.blocks.block import Block
+from hovercontrol.control.analysis.output import Progress, quiet, save
+from hovercontrol.control.analysis.regions import (
     Axis,
     Region,
     axis,
@@ -21,9 +25,8 @@ from hovercontrol.analysis.regions import (
     subfolder,
     sweep_map,
 )
-from hovercontrol.controllers.k06 import forward, reverse
-from hovercontrol.core.block import Block
-from hovercontrol.core.boundary import checked
+from hovercontrol.control.controllers.k06 import forward, reverse
+from hovercontrol.craft.models.vehicles import HOVERDEMON_BODY
 from hovercontrol.documents.k06.law_loop import (
     MOVING,
     ROUND_TRIP,
@@ -31,9 +34,6 @@ from hovercontrol.documents.k06.law_loop import (
     linearly_stable,
     trial_numbers,
 )
-from hovercontrol.errors import InputError
-from hovercontrol.io.tables import positive
-from hovercontrol.models.vehicles import HOVERDEMON_BODY
 
 Array = NDArray[np.float64]
 
@@ -72,7 +72,7 @@ def forward_region(
     duration : float, optional
         Of each simulation [s].
     executor, checkpoint, progress
-        As for :meth:`~hovercontrol.targets.compiled.CompiledBlock.sweep`.
+        As for :meth:`~hovercontrol.blocks.backends.compiled.CompiledBlock.sweep`.
 
     Returns
     -------

@@ -11,7 +11,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from hovercontrol.analysis.ins_monte_carlo import (
+from hovercontrol.blocks.block import Block
+from hovercontrol.blocks.simulation.sampled import SampledFilter
+from hovercontrol.control.analysis.ins_monte_carlo import (
     Array,
     Course,
     course,
@@ -20,19 +22,17 @@ from hovercontrol.analysis.ins_monte_carlo import (
     sensed,
     started,
 )
-from hovercontrol.analysis.output import Progress, quiet, save
-from hovercontrol.core.block import Block
-from hovercontrol.documents.k06.consistency_runs import BEACONS, ERRORS, RANGE_NOISE, UNITS
-from hovercontrol.estimators.ins import (
+from hovercontrol.control.analysis.output import Progress, quiet, save
+from hovercontrol.control.observers.ins import (
     IMU_PERIOD,
     noise_from_sensors,
     range_filter,
     range_particles,
     simulate_runs,
 )
-from hovercontrol.estimators.ins.particles import PARTICLES
-from hovercontrol.hardware.sensors import Beacons
-from hovercontrol.simulation.sampled import SampledFilter
+from hovercontrol.control.observers.ins.particles import PARTICLES
+from hovercontrol.craft.hardware.sensors import Beacons
+from hovercontrol.documents.k06.consistency_runs import BEACONS, ERRORS, RANGE_NOISE, UNITS
 
 TWO = Beacons([(0.0, 0.0), (4.0, 0.0)], 2.0)
 #: The area in which the craft starts if its start is unknown, and the true start [m].

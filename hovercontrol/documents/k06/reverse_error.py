@@ -18,19 +18,19 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from hovercontrol.analysis.output import Progress, quiet, save
-from hovercontrol.analysis.trials import run_seeds
-from hovercontrol.autopilot.limits import lossy_tables
-from hovercontrol.core.block import Block
-from hovercontrol.discrepancy import diagnose
-from hovercontrol.effects import Effect, effect
-from hovercontrol.errors import InputError
-from hovercontrol.hardware.actuators import FanTable
-from hovercontrol.io.short_repr import short_repr
-from hovercontrol.scenarios import Scenario, load_scenario, run_scenario
-from hovercontrol.scenarios.definition import Phase
-from hovercontrol.scenarios.parts import loop_parts
-from hovercontrol.scenarios.real import real_loop
+from hovercontrol.base.errors import InputError
+from hovercontrol.base.short_repr import short_repr
+from hovercontrol.blocks.block import Block
+from hovercontrol.control.analysis.output import Progress, quiet, save
+from hovercontrol.control.autopilot.limits import lossy_tables
+from hovercontrol.craft.effects import Effect, effect
+from hovercontrol.craft.hardware.actuators import FanTable
+from hovercontrol.documents.scenarios import Scenario, load_scenario, run_scenario
+from hovercontrol.documents.scenarios.definition import Phase
+from hovercontrol.documents.scenarios.parts import loop_parts
+from hovercontrol.documents.scenarios.real import real_loop
+from hovercontrol.documents.scenarios.trials import run_seeds
+from hovercontrol.identification.diagnose import diagnose
 
 Array = NDArray[np.float64]
 
@@ -143,8 +143,8 @@ def steady_errors(
     runs : int, optional
         Number of seeds.
     navigation : str, optional
-        As of :func:`~hovercontrol.autopilot.autopilot`: sensors and filters in full, or with ``error_model``
-        the noise of K06's own simulation.
+        As of :func:`~hovercontrol.control.autopilot.autopilot`: sensors and filters in full, or with
+        ``error_model`` the noise of K06's own simulation.
     progress : callable, optional
         Called with the share that is done.
 

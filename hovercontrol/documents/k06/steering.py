@@ -10,10 +10,10 @@ from matplotlib.colors import TwoSlopeNorm
 from matplotlib.figure import Figure
 
 import hovercontrol as hc
-from hovercontrol.analysis import Region, axis, steering_map, turning_modes
-from hovercontrol.analysis.output import Progress, quiet, save
-from hovercontrol.autopilot import autopilot
-from hovercontrol.guidance import steering_law, weaving
+from hovercontrol.control.analysis import Region, axis, steering_map, turning_modes
+from hovercontrol.control.analysis.output import Progress, quiet, save
+from hovercontrol.control.autopilot import autopilot
+from hovercontrol.control.guidance import steering_law, weaving
 
 #: Surge velocity of the turns in the picture of their modes [m/s].
 SURGE = 0.7

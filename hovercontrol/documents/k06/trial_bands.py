@@ -12,11 +12,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from hovercontrol.analysis.output import Progress, part, quiet, save
-from hovercontrol.analysis.trials import trial_metrics
+from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.control.analysis.output import Progress, part, quiet, save
 from hovercontrol.documents.printed import printed
-from hovercontrol.errors import InputError, did_you_mean
-from hovercontrol.scenarios import load_scenario
+from hovercontrol.documents.scenarios import load_scenario
+from hovercontrol.documents.scenarios.trials import trial_metrics
 
 Array = NDArray[np.float64]
 

@@ -13,14 +13,14 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from hovercontrol.analysis.trials import run_trial
 from hovercontrol.documents.item import Printed
 from hovercontrol.documents.k06.reverse_error import ASTERN, NOISES, SUSPECTS, steady_errors
 from hovercontrol.documents.printed import Measure, printed, rebuilds
-from hovercontrol.scenarios import Run, Scenario, load_scenario, run_scenario
-from hovercontrol.scenarios.figures import figures
-from hovercontrol.scenarios.measures import measure
-from hovercontrol.scenarios.real_figures import comparison, within_a_turn
+from hovercontrol.documents.scenarios import Run, Scenario, load_scenario, run_scenario
+from hovercontrol.documents.scenarios.figures import figures
+from hovercontrol.documents.scenarios.measures import measure
+from hovercontrol.documents.scenarios.real_figures import comparison, within_a_turn
+from hovercontrol.documents.scenarios.trials import run_trial
 
 Array = NDArray[np.float64]
 

@@ -25,14 +25,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hovercontrol.analysis.regions import Axis, Region, axis, mesh, refuse_large
-from hovercontrol.controllers.k06.energy import entry_energy, kinetic_energy, unwanted_level
-from hovercontrol.core.boundary import checked
+from hovercontrol.base.boundary import checked
+from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.base.tables import number, positive
+from hovercontrol.blocks.backends.sweep import SweepResult
+from hovercontrol.control.analysis.regions import Axis, Region, axis, mesh, refuse_large
+from hovercontrol.control.controllers.k06.energy import entry_energy, kinetic_energy, unwanted_level
+from hovercontrol.craft.models.vehicles import HOVERDEMON_BODY, Body
 from hovercontrol.documents.k06.law_loop import TURNING, turn_loop
-from hovercontrol.errors import InputError, did_you_mean
-from hovercontrol.io.tables import number, positive
-from hovercontrol.models.vehicles import HOVERDEMON_BODY, Body
-from hovercontrol.targets.sweep import SweepResult
 
 Array = NDArray[np.float64]
 Plane = Mapping[str, tuple[float, float]]
@@ -102,7 +102,7 @@ def turn_basins(
     duration : float, optional
         Of each simulation [s]; a craft that turns later counts as stuck.
     executor, checkpoint, progress
-        As for :meth:`~hovercontrol.targets.compiled.CompiledBlock.sweep`.
+        As for :meth:`~hovercontrol.blocks.backends.compiled.CompiledBlock.sweep`.
 
     Returns
     -------

@@ -13,10 +13,10 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from hovercontrol.analysis.output import Progress, part, quiet, save
-from hovercontrol.analysis.regions import Region
+from hovercontrol.base.figure_style import BLUE, SKY, VERMILION
+from hovercontrol.control.analysis.output import Progress, part, quiet, save
+from hovercontrol.control.analysis.regions import Region
 from hovercontrol.documents.k06.turn_basins import RTOL, TOLD, turn_basins
-from hovercontrol.io.figure_style import BLUE, SKY, VERMILION
 
 #: Three planes of initial velocities; the third velocity is that of the unwanted limit point.
 PLANES: tuple[tuple[dict[str, tuple[float, float]], dict[str, float]], ...] = (

@@ -9,12 +9,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from hovercontrol.analysis.output import Progress, quiet, save
-from hovercontrol.analysis.trials import run_trial
-from hovercontrol.errors import InputError
-from hovercontrol.hardware.actuators import VariablePitch, fan_force
-from hovercontrol.hardware.actuators.k06 import HIGHEST_SPEED
-from hovercontrol.scenarios import Scenario, load_scenario
+from hovercontrol.base.errors import InputError
+from hovercontrol.control.analysis.output import Progress, quiet, save
+from hovercontrol.craft.hardware.actuators import VariablePitch, fan_force
+from hovercontrol.craft.hardware.actuators.k06 import HIGHEST_SPEED
+from hovercontrol.documents.scenarios import Scenario, load_scenario
+from hovercontrol.documents.scenarios.trials import run_trial
 
 Array = NDArray[np.float64]
 
@@ -37,7 +37,7 @@ def with_variable_pitch(scenario: Scenario, propeller: VariablePitch | None = No
 
     Examples
     --------
-    >>> from hovercontrol.scenarios import load_scenario
+    >>> from hovercontrol.documents.scenarios import load_scenario
     >>> with_variable_pitch(load_scenario("k06-real-reverse")).autopilot.propeller.thrust
     1.944
     """
@@ -57,7 +57,7 @@ def without_brake(scenario: Scenario) -> Scenario:
 
     Examples
     --------
-    >>> from hovercontrol.scenarios import load_scenario
+    >>> from hovercontrol.documents.scenarios import load_scenario
     >>> without_brake(load_scenario("k06-real-stop")).autopilot.imperfections.brake
     False
     """

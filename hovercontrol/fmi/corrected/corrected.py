@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-from hovercontrol.core.block import Block
-from hovercontrol.core.boundary import checked
-from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.base.boundary import checked
+from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.base.files import check_folder, write_atomically
+from hovercontrol.blocks.block import Block
 from hovercontrol.fmi.corrected.description import description
 from hovercontrol.fmi.corrected.given import Given
 from hovercontrol.fmi.corrected.joined import Joined, joined
@@ -15,7 +16,6 @@ from hovercontrol.fmi.corrected.sources import block_sources, table_source, toke
 from hovercontrol.fmi.exporter.binaries import Platform, build_binary, chosen_platforms, folder_of
 from hovercontrol.fmi.exporter.package import packed
 from hovercontrol.fmi.importer.interface import Kind
-from hovercontrol.io.files import check_folder, write_atomically
 
 
 @checked

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from xml.etree.ElementTree import Element, SubElement
 
 import hovercontrol
-from hovercontrol.core.signals import Signal
+from hovercontrol.blocks.signals import Signal
 from hovercontrol.fmi.corrected.given import Given, Variable
 from hovercontrol.fmi.corrected.joined import Joined
 from hovercontrol.fmi.corrected.partials import PARTIALS, differentiable

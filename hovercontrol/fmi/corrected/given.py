@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import cast
 from xml.etree.ElementTree import Element, fromstring
 
-from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.base.errors import InputError, did_you_mean
 from hovercontrol.fmi.exporter.binaries import PLATFORMS, Platform, folder_of
 from hovercontrol.fmi.exporter.sources import Version
 from hovercontrol.fmi.importer.archive import LIMITS, check_xml, open_archive

@@ -12,11 +12,11 @@ from dataclasses import dataclass, replace
 
 import sympy as sp
 
-from hovercontrol.core.block import Block
-from hovercontrol.core.expressions import Expressions
-from hovercontrol.core.interconnect import interconnect, rename
-from hovercontrol.core.signals import Signal
-from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.blocks.block import Block
+from hovercontrol.blocks.expressions import Expressions
+from hovercontrol.blocks.interconnect import interconnect, rename
+from hovercontrol.blocks.signals import Signal
 from hovercontrol.fmi.corrected.given import Given, Variable
 
 #: Endings of the names of a Block's outputs: an input as the FMU gets it, an output as it is measured.

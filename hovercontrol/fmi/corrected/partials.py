@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hovercontrol.core.signals import time
+from hovercontrol.blocks.signals import time
 from hovercontrol.fmi.corrected.given import Given, Variable
 from hovercontrol.fmi.corrected.joined import Joined
 

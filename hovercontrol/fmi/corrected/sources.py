@@ -5,18 +5,18 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping
 
-from hovercontrol.core.block import Block
-from hovercontrol.core.delays import undelayed
-from hovercontrol.core.expressions import Expressions
+from hovercontrol.blocks.backends.c import c_source
+from hovercontrol.blocks.backends.c_delays import delays_source
+from hovercontrol.blocks.backends.c_function import Element, Function, Names, Result
+from hovercontrol.blocks.backends.runtime import AROUND, AROUND_FMI, DELAYS, runtime_files
+from hovercontrol.blocks.block import Block
+from hovercontrol.blocks.delays import undelayed
+from hovercontrol.blocks.expressions import Expressions
 from hovercontrol.fmi.corrected.description import Description
 from hovercontrol.fmi.corrected.given import Given
 from hovercontrol.fmi.corrected.joined import Joined
 from hovercontrol.fmi.corrected.partials import differentiable, known_sources
 from hovercontrol.fmi.exporter.sources import _array, _number, _options
-from hovercontrol.targets.c import c_source
-from hovercontrol.targets.c_delays import delays_source
-from hovercontrol.targets.c_function import Element, Function, Names, Result
-from hovercontrol.targets.runtime import AROUND, AROUND_FMI, DELAYS, runtime_files
 
 
 def block_sources(given: Given, joined: Joined, identifier: str) -> dict[str, str]:

@@ -49,8 +49,8 @@ def arrays_of(variables: Sequence[Variable]) -> tuple[Array, ...]:
     Examples
     --------
     >>> from hovercontrol.fmi.exporter.variables import Interface
-    >>> from hovercontrol.scenarios import load_scenario
-    >>> from hovercontrol.scenarios.runner import loop_parts
+    >>> from hovercontrol.documents.scenarios import load_scenario
+    >>> from hovercontrol.documents.scenarios.runner import loop_parts
     >>> estimator = loop_parts(load_scenario("table1"))["estimator"]
     >>> [(a.name, a.shape) for a in arrays_of(Interface(estimator).variables)][:3]
     [('xhat', (11,)), ('P', (66,)), ('der(xhat)', (11,))]

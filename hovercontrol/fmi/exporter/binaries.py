@@ -9,15 +9,15 @@ import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from hovercontrol.errors import InputError, did_you_mean
-from hovercontrol.fmi.exporter.sources import Version, without_prefix
-from hovercontrol.targets.compiler import (
+from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.blocks.backends.compiler import (
     NoCompilerError,
     built_file,
     cache_folder,
     find_compiler,
     with_runtime,
 )
+from hovercontrol.fmi.exporter.sources import Version, without_prefix
 
 
 @dataclass(frozen=True)

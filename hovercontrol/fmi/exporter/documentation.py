@@ -8,7 +8,7 @@ from html import escape
 from itertools import groupby
 
 import hovercontrol
-from hovercontrol.display.mathml import equations
+from hovercontrol.blocks.mathml import equations
 from hovercontrol.fmi.exporter.description import Experiment
 from hovercontrol.fmi.exporter.sources import Version
 from hovercontrol.fmi.exporter.variables import Interface, Variable

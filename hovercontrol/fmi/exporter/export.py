@@ -13,10 +13,12 @@ from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 
-from hovercontrol.core.block import Block
-from hovercontrol.core.boundary import checked
-from hovercontrol.core.friction import Friction
-from hovercontrol.errors import InputError
+from hovercontrol.base.boundary import checked
+from hovercontrol.base.errors import InputError
+from hovercontrol.base.files import check_folder, write_atomically
+from hovercontrol.blocks.backends.compiler import cached_text
+from hovercontrol.blocks.block import Block
+from hovercontrol.blocks.friction import Friction
 from hovercontrol.fmi.exporter.binaries import build_binary, chosen_platforms, folder_of
 from hovercontrol.fmi.exporter.description import Experiment, model_description, xml_bytes
 from hovercontrol.fmi.exporter.documentation import documentation
@@ -24,8 +26,6 @@ from hovercontrol.fmi.exporter.package import packed
 from hovercontrol.fmi.exporter.sources import Version, fmu_sources, token_of
 from hovercontrol.fmi.exporter.terminals import terminals
 from hovercontrol.fmi.exporter.variables import Interface
-from hovercontrol.io.files import check_folder, write_atomically
-from hovercontrol.targets.compiler import cached_text
 
 #: Rows of the reference trajectory at most.
 _ROWS = 500
@@ -64,7 +64,7 @@ def export_fmu(
     friction : {"smooth", "events"}, optional
         ``"smooth"``: dry friction is smoothed over its width, as in :func:`hovercontrol.simulate` and
         ``block.compile()``. ``"events"``: Coulomb's law, with sticking at exactly zero velocity and events
-        for importers; see :data:`hovercontrol.core.friction.Friction`.
+        for importers; see :data:`hovercontrol.blocks.friction.Friction`.
     step, stop : float, optional
         Communication step and end of the default experiment [s]; default 0.01 and 10.
     rtol, atol : float, optional

@@ -8,12 +8,12 @@ import re
 from collections.abc import Iterable, Mapping
 from typing import Literal
 
-from hovercontrol.core.delays import undelayed
+from hovercontrol.blocks.backends.c import c_source
+from hovercontrol.blocks.backends.c_delays import delays_source
+from hovercontrol.blocks.backends.compiler import generated
+from hovercontrol.blocks.backends.runtime import DELAYS, FMI, INSTANCE, runtime_files
+from hovercontrol.blocks.delays import undelayed
 from hovercontrol.fmi.exporter.variables import Interface
-from hovercontrol.targets.c import c_source
-from hovercontrol.targets.c_delays import delays_source
-from hovercontrol.targets.compiler import generated
-from hovercontrol.targets.runtime import DELAYS, FMI, INSTANCE, runtime_files
 
 Version = Literal[2, 3]
 

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import sympy as sp
 
-from hovercontrol.core.friction import with_modes
-from hovercontrol.core.signals import time
+from hovercontrol.blocks.friction import with_modes
+from hovercontrol.blocks.signals import time
 from hovercontrol.fmi.exporter.variables import Interface
 
 #: By symbol the symbols of its factor, or None where it does not enter linearly.

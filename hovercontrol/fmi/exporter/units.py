@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass
 from functools import cache
 
-from hovercontrol.core.units import BASE, dimension
-from hovercontrol.core.unitsyntax import parse_unit, registry
+from hovercontrol.blocks.units import BASE, dimension
+from hovercontrol.blocks.unitsyntax import parse_unit, registry
 
 #: Degrees in a radian: FMI's factor from a unit to its display unit.
 DEGREES = 180.0 / math.pi

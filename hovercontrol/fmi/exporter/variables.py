@@ -15,10 +15,10 @@ from functools import cached_property
 from itertools import chain, count
 from typing import Literal
 
-from hovercontrol.core.block import Block
-from hovercontrol.core.friction import DryFriction, Friction, dry_frictions
-from hovercontrol.core.signals import Signal
-from hovercontrol.errors import InputError
+from hovercontrol.base.errors import InputError
+from hovercontrol.blocks.block import Block
+from hovercontrol.blocks.friction import DryFriction, Friction, dry_frictions
+from hovercontrol.blocks.signals import Signal
 from hovercontrol.fmi.exporter.arrays import Array, arrays_of
 from hovercontrol.fmi.exporter.units import Unit, fmi_unit
 
@@ -68,7 +68,7 @@ class Interface:
 
     Examples
     --------
-    >>> from hovercontrol.models.vehicles import hoverdemon
+    >>> from hovercontrol.craft.models.vehicles import hoverdemon
     >>> [v.name for v in Interface(hoverdemon().plant(), "events").variables][:4]
     ['time', 'x', 'y', 'psi']
     """

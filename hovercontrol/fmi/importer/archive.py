@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import NamedTuple
 from xml.parsers import expat
 
-from hovercontrol.errors import InputError
+from hovercontrol.base.errors import InputError
 
 MIB = 2**20
 _CHUNK = MIB

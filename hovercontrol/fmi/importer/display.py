@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from hovercontrol.display.block import UNFOLDED
-from hovercontrol.display.html import card, fold, table
+from hovercontrol.base.html import card, fold, table
+from hovercontrol.blocks.display import UNFOLDED
 
 if TYPE_CHECKING:
     from hovercontrol.fmi.importer.system import FmuSystem

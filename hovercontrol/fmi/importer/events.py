@@ -15,13 +15,13 @@ import scipy.integrate
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.blocks.simulation.given import checked_times
 from hovercontrol.fmi.importer.continuous import Continuous
-from hovercontrol.simulation.given import checked_times
 
 if TYPE_CHECKING:
+    from hovercontrol.blocks.simulation.response import Response
     from hovercontrol.fmi.importer.model import FmuModel
-    from hovercontrol.simulation.response import Response
 
 Array = NDArray[np.float64]
 
@@ -212,7 +212,7 @@ def _rows(system: FmuModel, inputs: Any, times: Array) -> Array:
 
 
 def _response(system: FmuModel, times: Array, run: _Run, rows: Array) -> Response:
-    from hovercontrol.simulation.response import Response
+    from hovercontrol.blocks.simulation.response import Response
 
     response = Response(
         times,

@@ -15,8 +15,8 @@ import control
 import numpy as np
 from numpy.typing import NDArray
 
-from hovercontrol.core.boundary import checked
-from hovercontrol.errors import InputError
+from hovercontrol.base.boundary import checked
+from hovercontrol.base.errors import InputError
 from hovercontrol.fmi.importer.interface import Kind
 from hovercontrol.fmi.importer.system import FmuSystem
 from hovercontrol.fmi.importer.unpacked import Source, open_source

@@ -7,9 +7,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from hovercontrol.errors import InputError
+from hovercontrol.base.errors import InputError
+from hovercontrol.base.short_repr import short_repr
 from hovercontrol.fmi.importer.clocks import Clock
-from hovercontrol.io.short_repr import short_repr
 
 #: The smallest and largest value of each type that is a whole number; FMI 2 has 32 bits.
 WHOLE = {f"Int{n}": (-(2 ** (n - 1)), 2 ** (n - 1) - 1) for n in (8, 16, 32, 64)}

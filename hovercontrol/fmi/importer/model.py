@@ -11,17 +11,17 @@ import control
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hovercontrol.errors import InputError
+from hovercontrol.base.errors import InputError
+from hovercontrol.blocks.backends.control import _Params
+from hovercontrol.blocks.backends.linear import state_space
 from hovercontrol.fmi.importer.continuous import Continuous
 from hovercontrol.fmi.importer.instance import FmuError
 from hovercontrol.fmi.importer.interface import Interface, units_and_descriptions
 from hovercontrol.fmi.importer.unpacked import Source, Unpacked
 from hovercontrol.fmi.importer.values import InputCheck, own_parameters, parameter_key
-from hovercontrol.targets.control import _Params
-from hovercontrol.targets.linear import state_space
 
 if TYPE_CHECKING:
-    from hovercontrol.simulation.response import Response
+    from hovercontrol.blocks.simulation.response import Response
 
 Array = NDArray[np.float64]
 

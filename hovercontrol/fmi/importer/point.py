@@ -16,9 +16,9 @@ from typing import Any, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
+from hovercontrol.blocks.backends.compiler import NoCompilerError, load_library
 from hovercontrol.fmi.importer.instance import FmuError
 from hovercontrol.fmi.importer.interface import Interface, Variable
-from hovercontrol.targets.compiler import NoCompilerError, load_library
 
 Array = NDArray[np.float64]
 Read = Callable[[float, Array, Array], Array]

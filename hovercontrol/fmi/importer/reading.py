@@ -20,7 +20,7 @@ from fmpy.model_description import (  # type: ignore[import-untyped]
     read_model_description,
 )
 
-from hovercontrol.errors import InputError
+from hovercontrol.base.errors import InputError
 from hovercontrol.fmi.exporter.arrays import ELEMENTS
 from hovercontrol.fmi.importer.archive import Header
 from hovercontrol.fmi.importer.clocks import Clock, clocks_of

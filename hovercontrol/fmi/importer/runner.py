@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hovercontrol.errors import InputError
+from hovercontrol.base.errors import InputError
+from hovercontrol.blocks.simulation.runner import Inputs, Runner, Snapshot
 from hovercontrol.fmi.importer.instance import Engine, FmuError, RunEnded
-from hovercontrol.simulation.runner import Inputs, Runner, Snapshot
 
 if TYPE_CHECKING:
     from hovercontrol.fmi.importer.system import FmuSystem
@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 
 
 class FmuRunner(Runner):
-    """An FMU while it runs; see :class:`hovercontrol.simulation.runner.Runner`.
+    """An FMU while it runs; see :class:`hovercontrol.blocks.simulation.runner.Runner`.
 
     Parameters
     ----------

@@ -14,7 +14,9 @@ import control
 import numpy as np
 from numpy.typing import NDArray
 
-from hovercontrol.errors import InputError
+from hovercontrol.base.errors import InputError
+from hovercontrol.blocks.backends.control import _Params
+from hovercontrol.blocks.simulation.runner import Inputs
 from hovercontrol.fmi.importer.follow import Follower, Parameters
 from hovercontrol.fmi.importer.instance import Engine, FmuError
 from hovercontrol.fmi.importer.interface import Interface, units_and_descriptions
@@ -26,8 +28,6 @@ from hovercontrol.fmi.importer.values import (
     parameter_key,
 )
 from hovercontrol.fmi.importer.worker import Remote
-from hovercontrol.simulation.runner import Inputs
-from hovercontrol.targets.control import _Params
 
 if TYPE_CHECKING:
     from hovercontrol.fmi.importer.runner import FmuRunner
@@ -149,9 +149,9 @@ class FmuSystem(control.NonlinearIOSystem):
     ) -> FmuRunner:
         """Start a run of the FMU step by step, in a separate instance.
 
-        The runner is used as that of a Block (:class:`hovercontrol.simulation.runner.Runner`); it can be
-        saved if the FMU can save its state. The caller chooses the length of steps; it must be a multiple of
-        a fixed step of the FMU.
+        The runner is used as that of a Block (:class:`hovercontrol.blocks.simulation.runner.Runner`); it can
+        be saved if the FMU can save its state. The caller chooses the length of steps; it must be a multiple
+        of a fixed step of the FMU.
 
         Parameters
         ----------

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import fmpy  # type: ignore[import-untyped]
 
-from hovercontrol.errors import InputError
+from hovercontrol.base.errors import InputError
 from hovercontrol.fmi.importer.archive import LIMITS, Archive, check_xml, open_archive
 from hovercontrol.fmi.importer.interface import Interface, Kind
 from hovercontrol.fmi.importer.reading import read_interface

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.base.errors import InputError, did_you_mean
 from hovercontrol.fmi.importer.interface import REALS, Interface, Variable
 
 

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hovercontrol.core.block import Block
-from hovercontrol.core.sgn import regularise
-from hovercontrol.errors import InputError
+from hovercontrol.base.errors import InputError
+from hovercontrol.blocks.block import Block
+from hovercontrol.blocks.sgn import regularise
 
 Array = NDArray[np.float64]
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hovercontrol.effects import Effect, Shape
-from hovercontrol.effects.command import InputDelay
-from hovercontrol.effects.generic_commands import (
+from hovercontrol.craft.effects import Effect, Shape
+from hovercontrol.craft.effects.command import InputDelay
+from hovercontrol.craft.effects.generic_commands import (
     backlash,
     command_offset,
     deadzone,
@@ -17,9 +17,9 @@ from hovercontrol.effects.generic_commands import (
     lag,
     saturation,
 )
-from hovercontrol.effects.generic_forces import drag, offset
-from hovercontrol.effects.generic_measurements import bias, scale
-from hovercontrol.effects.measurement import TimeOffset
+from hovercontrol.craft.effects.generic_forces import drag, offset
+from hovercontrol.craft.effects.generic_measurements import bias, scale
+from hovercontrol.craft.effects.measurement import TimeOffset
 from hovercontrol.fmi.replay.plant import FmuPlant
 from hovercontrol.fmi.replay.rows import Rows
 from hovercontrol.fmi.replay.unknowns import estimated

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hovercontrol.errors import InputError
+from hovercontrol.base.errors import InputError
 from hovercontrol.fmi.replay.output_error import FmuFit, refine
 from hovercontrol.fmi.replay.plant import FmuPlant
 from hovercontrol.fmi.replay.rows import rows_of

@@ -6,17 +6,17 @@ import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from hovercontrol.core.boundary import checked
-from hovercontrol.core.signals import Signal
-from hovercontrol.core.units import is_plain_si
-from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.base.boundary import checked
+from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.base.files import readable
+from hovercontrol.blocks.signals import Signal
+from hovercontrol.blocks.units import is_plain_si
 from hovercontrol.fmi.around import Around
 from hovercontrol.fmi.importer.interface import Kind, Variable
 from hovercontrol.fmi.importer.unpacked import Source, open_source
 from hovercontrol.fmi.importer.values import checked_name
 from hovercontrol.fmi.replay.plant import FmuPlant
 from hovercontrol.fmi.replay.runs import Runs
-from hovercontrol.io.files import readable
 
 
 @checked

@@ -6,8 +6,8 @@ Marquardt. With J = dw/dtheta the covariance of the estimate is (J'J)^-1; where 
 it is widened by the scatter of the scores J'w over blocks of the logs (sandwich), if that is larger than
 chance allows (Ljung, System Identification, 2nd ed., 9.4 and 9.6; White, Econometrica 48 (1980)).
 
-This is not the Kalman filter of :mod:`hovercontrol.estimation`: a filter linearises from row to row, and an
-FMU's events are no smooth map. Process noise is in the autoregression of the residuals.
+This is not the Kalman filter of :mod:`hovercontrol.identification.engine`: a filter linearises from row to
+row, and an FMU's events are no smooth map. Process noise is in the autoregression of the residuals.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from hovercontrol.errors import InputError
+from hovercontrol.base.errors import InputError
 from hovercontrol.fmi.replay.plant import FmuPlant
 from hovercontrol.fmi.replay.rows import Rows
 from hovercontrol.fmi.replay.runs import RunFailed
@@ -93,7 +93,7 @@ class FmuFit:
 
     @property
     def p(self) -> Array:
-        """The values, by the name that :class:`hovercontrol.estimation.fit.Fit` gives them."""
+        """The values, by the name that :class:`hovercontrol.identification.engine.fit.Fit` gives them."""
         return self.values
 
     @property

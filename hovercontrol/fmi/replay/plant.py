@@ -12,11 +12,11 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from hovercontrol.core.block import Block
-from hovercontrol.core.boundary import checked
-from hovercontrol.core.signals import Signal
-from hovercontrol.effects import Effect
-from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.base.boundary import checked
+from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.blocks.block import Block
+from hovercontrol.blocks.signals import Signal
+from hovercontrol.craft.effects import Effect
 from hovercontrol.fmi.around import Around
 from hovercontrol.fmi.importer.interface import Interface
 from hovercontrol.fmi.importer.unpacked import Source

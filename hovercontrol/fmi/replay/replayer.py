@@ -20,13 +20,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hovercontrol.blocks.backends.compiler import NoCompilerError, load_library
 from hovercontrol.fmi.importer.continuous import Continuous
 from hovercontrol.fmi.importer.instance import STATUS, FmuError, Instance, RunEnded
 from hovercontrol.fmi.importer.interface import Interface
 from hovercontrol.fmi.importer.point import all_doubles, references
 from hovercontrol.fmi.importer.ticking import instance_of
 from hovercontrol.fmi.replay.added import Added
-from hovercontrol.targets.compiler import NoCompilerError, load_library
 
 Array = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.base.errors import InputError, did_you_mean
 from hovercontrol.fmi.replay.plant import FmuPlant
 from hovercontrol.logs.log import Log
 from hovercontrol.logs.prepare import prepared

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hovercontrol.errors import InputError
+from hovercontrol.base.errors import InputError
 from hovercontrol.fmi.importer.instance import FmuError
 from hovercontrol.fmi.importer.unpacked import Source
 from hovercontrol.fmi.importer.worker import Remote

@@ -1,7 +1,7 @@
 """Blocks before and after an FMU, over the rows of a log.
 
-States of such a Block follow from its inputs alone (:func:`hovercontrol.targets.follow.follow`). They begin
-where the first row's inputs, held for long, would have brought them.
+States of such a Block follow from its inputs alone (:func:`hovercontrol.blocks.backends.follow.follow`). They
+begin where the first row's inputs, held for long, would have brought them.
 """
 
 from __future__ import annotations
@@ -12,9 +12,9 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from hovercontrol.core.block import Block
-from hovercontrol.core.delays import undelayed
-from hovercontrol.targets.follow import follow
+from hovercontrol.blocks.backends.follow import follow
+from hovercontrol.blocks.block import Block
+from hovercontrol.blocks.delays import undelayed
 
 Array = NDArray[np.float64]
 

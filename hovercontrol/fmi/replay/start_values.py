@@ -12,12 +12,12 @@ from pathlib import Path
 from xml.etree import ElementTree
 from xml.parsers import expat
 
-from hovercontrol.errors import InputError
+from hovercontrol.base.errors import InputError
+from hovercontrol.base.files import readable, reason, write_atomically
 from hovercontrol.fmi.around import Around
 from hovercontrol.fmi.corrected.corrected import corrected_fmu
 from hovercontrol.fmi.replay.plant import FmuPlant
 from hovercontrol.fmi.ssp import SSV
-from hovercontrol.io.files import readable, reason, write_atomically
 
 _DESCRIPTION = "modelDescription.xml"
 

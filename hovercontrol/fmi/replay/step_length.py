@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from hovercontrol.errors import InputError
+from hovercontrol.base.errors import InputError
 from hovercontrol.fmi.replay.plant import FmuPlant
 from hovercontrol.fmi.replay.rows import Rows
 from hovercontrol.fmi.replay.runs import RunFailed

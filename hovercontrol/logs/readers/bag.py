@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from hovercontrol.errors import InputError
+from hovercontrol.base.errors import InputError
 from hovercontrol.logs.readers.mcap import Channel, Messages
 from hovercontrol.logs.readers.messages import STAMPS, decoder_of
 from hovercontrol.logs.readers.ros_messages import Block, Key

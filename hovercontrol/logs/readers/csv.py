@@ -16,8 +16,8 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.csv
 
-from hovercontrol.errors import InputError
-from hovercontrol.io.files import reason
+from hovercontrol.base.errors import InputError
+from hovercontrol.base.files import reason
 from hovercontrol.logs.readers.arrow import as_number, is_number
 from hovercontrol.logs.readers.dialect import (
     COMMENTS,

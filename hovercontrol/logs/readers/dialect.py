@@ -7,7 +7,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from hovercontrol.errors import InputError
+from hovercontrol.base.errors import InputError
 
 HEAD = 2**16
 """Bytes at the start of a file from which its dialect is recognised."""

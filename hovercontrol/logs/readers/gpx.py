@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from hovercontrol.errors import InputError
+from hovercontrol.base.errors import InputError
 from hovercontrol.logs.readers.tables import Table, faults
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from hovercontrol.errors import InputError
+from hovercontrol.base.errors import InputError
 from hovercontrol.logs.readers.tables import Table, Tables, faults, library, unit_or_none
 
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from hovercontrol.errors import InputError
+from hovercontrol.base.errors import InputError
 from hovercontrol.logs.readers.tables import Table, Tables, faults, library, unit_or_none
 
 #: Units of MAVLink's definitions that are multiples of others; pulses of servos stay in us.

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 from zlib import crc32
 
-from hovercontrol.errors import InputError
+from hovercontrol.base.errors import InputError
 
 MAGIC = b"\x89MCAP0\r\n"
 

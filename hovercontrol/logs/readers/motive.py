@@ -12,7 +12,7 @@ from __future__ import annotations
 import csv
 from pathlib import Path
 
-from hovercontrol.errors import InputError
+from hovercontrol.base.errors import InputError
 from hovercontrol.logs.readers.csv import CsvSource
 from hovercontrol.logs.readers.dialect import HEAD, Dialect
 

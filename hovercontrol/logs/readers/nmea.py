@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from hovercontrol.errors import InputError
+from hovercontrol.base.errors import InputError
 from hovercontrol.logs.readers.tables import Table, Tables
 
 _DAY = 86_400 * 10**9

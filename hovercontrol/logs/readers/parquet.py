@@ -8,8 +8,8 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet
 
-from hovercontrol.errors import InputError
-from hovercontrol.io.files import reason
+from hovercontrol.base.errors import InputError
+from hovercontrol.base.files import reason
 from hovercontrol.logs.readers.arrow import DAMAGED, as_number, is_number
 
 BATCH = 2**16

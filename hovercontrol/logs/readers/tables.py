@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from hovercontrol.core.units import dimension
-from hovercontrol.errors import InputError
-from hovercontrol.io.files import reason
+from hovercontrol.base.errors import InputError
+from hovercontrol.base.files import reason
+from hovercontrol.blocks.units import dimension
 from hovercontrol.logs.readers.arrow import is_number
 
 BATCH = 2**16

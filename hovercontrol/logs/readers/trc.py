@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hovercontrol.errors import InputError
+from hovercontrol.base.errors import InputError
 from hovercontrol.logs.readers.tables import Table, unit_or_none
 
 

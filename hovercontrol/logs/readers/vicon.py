@@ -16,7 +16,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.csv
 
-from hovercontrol.errors import InputError
+from hovercontrol.base.errors import InputError
 from hovercontrol.logs.readers.tables import Table, Tables
 
 SECTIONS = ("Segments", "Trajectories", "Joints", "Model Outputs", "Devices", "Objects")

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from hovercontrol.analysis import clopper_pearson
+from hovercontrol.base.errors import InputError
+from hovercontrol.control.analysis import clopper_pearson
 from hovercontrol.documents.c17.interconnection import region_of_attraction
-from hovercontrol.errors import InputError
 
 
 @pytest.fixture(scope="module")

@@ -6,16 +6,16 @@ import sympy as sp
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hovercontrol.analysis.loops import tracking_loop
-from hovercontrol.analysis.lyapunov import decay, fastest_beta, lyapunov_function, lyapunov_rate
-from hovercontrol.analysis.normal_form import ERRORS, coefficient, normal_form, symbol
-from hovercontrol.analysis.zero_dynamics import predict
-from hovercontrol.core.sgn import sgn
+from hovercontrol.base.errors import InputError
+from hovercontrol.blocks.sgn import sgn
+from hovercontrol.control.analysis.loops import tracking_loop
+from hovercontrol.control.analysis.lyapunov import decay, fastest_beta, lyapunov_function, lyapunov_rate
+from hovercontrol.control.analysis.normal_form import ERRORS, coefficient, normal_form, symbol
+from hovercontrol.control.analysis.zero_dynamics import predict
+from hovercontrol.craft.models.vehicles import c17_experiment, c17_simulation
 from hovercontrol.documents.c17.beta_region import beta_region
 from hovercontrol.documents.c17.gain_region import gain_region
 from hovercontrol.documents.k06.turn_basins import turn_basins
-from hovercontrol.errors import InputError
-from hovercontrol.models.vehicles import c17_experiment, c17_simulation
 
 GAINS = st.floats(0.05, 20.0)
 

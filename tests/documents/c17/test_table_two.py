@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from hovercontrol.base.errors import InputError
 from hovercontrol.documents.c17.mean_errors import mean_errors
-from hovercontrol.errors import InputError
-from hovercontrol.scenarios import load_scenario, run_scenario
-from hovercontrol.scenarios.definition import Metric, Phase
+from hovercontrol.documents.scenarios import load_scenario, run_scenario
+from hovercontrol.documents.scenarios.definition import Metric, Phase
 
 TABLE2 = load_scenario("table2")
 SHORT = replace(

@@ -9,19 +9,19 @@ import sympy as sp
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from hovercontrol.analysis.loops import c17_ellipse, initial_errors, on_reference, tracking_loop
-from hovercontrol.analysis.normal_form import coefficient
-from hovercontrol.analysis.zero_dynamics import (
+from hovercontrol.base.errors import InputError
+from hovercontrol.blocks.sgn import sgn
+from hovercontrol.control.analysis.loops import c17_ellipse, initial_errors, on_reference, tracking_loop
+from hovercontrol.control.analysis.normal_form import coefficient
+from hovercontrol.control.analysis.zero_dynamics import (
     kinetic_energy_rate,
     predict,
     theorem_4_margin,
     zero_dynamics,
 )
-from hovercontrol.controllers.references import line
-from hovercontrol.core.sgn import sgn
+from hovercontrol.control.controllers.references import line
+from hovercontrol.craft.models.vehicles import c17_simulation
 from hovercontrol.documents.c17.zero_dynamics import arm_region
-from hovercontrol.errors import InputError
-from hovercontrol.models.vehicles import c17_simulation
 
 CRAFT = c17_simulation()
 NAMES = ("sway_linear_drag", "yaw_linear_drag", "thrust", "rudder_torque", "control_point")

@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from hovercontrol import InputError
-from hovercontrol.controllers.k06.energy import kinetic_energy
+from hovercontrol.control.controllers.k06.energy import kinetic_energy
 from hovercontrol.documents.k06.law_loop import TURNING, turn_loop
 from hovercontrol.documents.k06.turn_basins import (
     ATOL,

@@ -10,8 +10,10 @@ import sympy as sp
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hovercontrol.autopilot.turntable import bench_command, turntable
-from hovercontrol.core.signals import Signal
+from hovercontrol.base.errors import InputError
+from hovercontrol.blocks.signals import Signal
+from hovercontrol.blocks.simulation.hybrid import Ticking
+from hovercontrol.control.autopilot.turntable import bench_command, turntable
 from hovercontrol.documents import printed
 from hovercontrol.documents.k06 import bench, gyro
 from hovercontrol.documents.k06.bench.aids import aided, aided_settings
@@ -20,8 +22,6 @@ from hovercontrol.documents.k06.bench.instruments import encoder, sample_delay
 from hovercontrol.documents.k06.bench.runs import COLUMNS, CRICKET_AGE, GUESSED, STATED, errors
 from hovercontrol.documents.k06.bench.square_wave import square_wave
 from hovercontrol.documents.k06.bench.units import PLACES, second_unit, unit_headings
-from hovercontrol.errors import InputError
-from hovercontrol.simulation.hybrid import Ticking
 
 TICK = 0.0065536
 FREQUENCY, GAIN, PHASE, GAIN_AFTER, PHASE_AFTER, GAINED = gyro.TABLE_6_5.T

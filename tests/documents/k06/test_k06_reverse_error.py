@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from hovercontrol import InputError
+from hovercontrol.craft.effects import effect
 from hovercontrol.documents.k06.reverse_error import (
     SUSPECTS,
     SteadyError,
@@ -11,15 +12,14 @@ from hovercontrol.documents.k06.reverse_error import (
     steady_errors,
     suspect_log,
 )
-from hovercontrol.effects import effect
 
 
 def test_less_reverse_thrust_leaves_no_steady_error_without_friction():
     """m u' = -(1 - c) k1 (u - u_ref) rests at u_ref for every loss c."""
-    from hovercontrol.controllers.k06 import force_to_command, reverse, setpoints
-    from hovercontrol.core.interconnect import interconnect
-    from hovercontrol.models.vehicles import hoverdemon
-    from hovercontrol.simulation.trajectory import simulate
+    from hovercontrol.blocks.interconnect import interconnect
+    from hovercontrol.blocks.simulation.trajectory import simulate
+    from hovercontrol.control.controllers.k06 import force_to_command, reverse, setpoints
+    from hovercontrol.craft.models.vehicles import hoverdemon
 
     law = reverse(k1=1.5, k2=1.0, alpha=1.44)
     craft = hoverdemon().with_effects([effect("reverse_thrust_loss", 0.3)]).plant()

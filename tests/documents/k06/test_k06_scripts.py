@@ -5,7 +5,6 @@ import pyarrow.csv
 import pytest
 
 from hovercontrol import InputError
-from hovercontrol.analysis.trials import run_trial
 from hovercontrol.documents.k06 import (
     delay,
     margins,
@@ -16,7 +15,8 @@ from hovercontrol.documents.k06 import (
 )
 from hovercontrol.documents.k06.reverse_error import SteadyError
 from hovercontrol.documents.k06.variable_pitch import with_variable_pitch
-from hovercontrol.scenarios import load_scenario
+from hovercontrol.documents.scenarios import load_scenario
+from hovercontrol.documents.scenarios.trials import run_trial
 
 SMALL = {
     "k06_turn_basins": (turn_basins_figure.main, {"points": 8}),

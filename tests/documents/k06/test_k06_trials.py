@@ -7,10 +7,10 @@ import numpy as np
 import pyarrow.csv
 import pytest
 
-from hovercontrol.analysis.trials import run_trial, trial_metrics
+from hovercontrol.base.errors import InputError
 from hovercontrol.documents.k06 import trial_bands
-from hovercontrol.errors import InputError
-from hovercontrol.scenarios import load_scenario, run_scenario
+from hovercontrol.documents.scenarios import load_scenario, run_scenario
+from hovercontrol.documents.scenarios.trials import run_trial, trial_metrics
 
 
 @pytest.mark.slow

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from hovercontrol.controllers.k06 import forward, reverse
+from hovercontrol.base.errors import InputError
+from hovercontrol.control.controllers.k06 import forward, reverse
 from hovercontrol.documents.k06.law_loop import delayed_force, force_craft, law_loop, linearly_stable
 from hovercontrol.documents.k06.law_regions import forward_region, reverse_region
-from hovercontrol.errors import InputError
 
 MASS, INERTIA, ARM = 2.6, 0.096, 0.32
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hovercontrol.errors import InputError
+from hovercontrol.base.errors import InputError
 from hovercontrol.logs import read_log
 
 #: The same two rows, t = 0.5, 0.6 s, u = 1.5, 1.5 m/s, v = 2, 2 m/s, r = 3, -3 rad/s; and what is said of each.  # noqa: E501

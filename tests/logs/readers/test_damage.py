@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hovercontrol.errors import InputError
+from hovercontrol.base.errors import InputError
 from hovercontrol.logs.readers.tables import Tables
 from hovercontrol.logs.source import open_log
 from tests.logs.readers import test_more_formats as more

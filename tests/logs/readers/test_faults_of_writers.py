@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from hovercontrol.errors import ArgumentError, InputError
+from hovercontrol.base.errors import ArgumentError, InputError
 from hovercontrol.logs import read_log
 from tests.logs.readers import written_ros
 

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hovercontrol.commands.given import pairs
-from hovercontrol.errors import InputError
+from hovercontrol.app.commands.given import pairs
+from hovercontrol.base.errors import InputError
 from hovercontrol.logs import Log, read_log
 from tests.logs.readers import written
 

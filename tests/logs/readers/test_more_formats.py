@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hovercontrol.commands.given import pairs
-from hovercontrol.errors import InputError
+from hovercontrol.app.commands.given import pairs
+from hovercontrol.base.errors import InputError
 from hovercontrol.logs import read_log
 from hovercontrol.logs.source import format_of
 

@@ -5,7 +5,7 @@ import pyarrow as pa
 import pyarrow.parquet
 import pytest
 
-from hovercontrol.errors import InputError
+from hovercontrol.base.errors import InputError
 from hovercontrol.logs import Log, read_log
 
 LOG = Log("a", np.arange(400) / 50, {name: np.sqrt(np.arange(400.0) + k) for k, name in enumerate("uvr")})

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from hovercontrol.analysis.output import Progress, quiet
+from hovercontrol.control.analysis.output import Progress, quiet
 from hovercontrol.documents.k06.bench.aids import save_aids
 from hovercontrol.documents.k06.bench.square_wave import save_square_wave
 from hovercontrol.documents.k06.bench.units import save_headings

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from hovercontrol.analysis.output import save
+from hovercontrol.control.analysis.output import save
 from hovercontrol.documents.k06.bench.runs import (
     COLUMNS,
     GUESSED,

@@ -6,13 +6,12 @@ from collections.abc import Mapping, Sequence
 
 import sympy as sp
 
-from hovercontrol.autopilot.turntable import ARM, bench_command, turntable
-from hovercontrol.core.block import Block
-from hovercontrol.core.interconnect import interconnect, rename
-from hovercontrol.core.signals import Signal
-from hovercontrol.documents.k06.bench.instruments import CENTRE, encoder, sample_delay, tachometer
-from hovercontrol.estimators.ins import IMU_PERIOD, aided_ins
-from hovercontrol.hardware.sensors import (
+from hovercontrol.blocks.block import Block
+from hovercontrol.blocks.interconnect import interconnect, rename
+from hovercontrol.blocks.signals import Signal
+from hovercontrol.control.autopilot.turntable import ARM, bench_command, turntable
+from hovercontrol.control.observers.ins import IMU_PERIOD, aided_ins
+from hovercontrol.craft.hardware.sensors import (
     arrivals,
     gyro_compensation,
     gyro_dynamics,
@@ -21,7 +20,8 @@ from hovercontrol.hardware.sensors import (
     k06_magnetometer,
     two_unit_heading,
 )
-from hovercontrol.models.motion import MOTION
+from hovercontrol.craft.models.motion import MOTION
+from hovercontrol.documents.k06.bench.instruments import CENTRE, encoder, sample_delay, tachometer
 
 #: The first Cricket unit beside the IMU, the second 8 in nearer to the spin axis [m].
 UNITS = ((0.0, 0.0), (0.0, 8 * 0.0254))

@@ -7,13 +7,13 @@ from itertools import pairwise
 
 import sympy as sp
 
-from hovercontrol.autopilot.turntable import ARM
-from hovercontrol.core.block import Block
-from hovercontrol.core.random_numbers import random_numbers
-from hovercontrol.core.signals import Signal
-from hovercontrol.errors import InputError
-from hovercontrol.estimators.ins import IMU_PERIOD
-from hovercontrol.models.motion import MOTION
+from hovercontrol.base.errors import InputError
+from hovercontrol.blocks.block import Block
+from hovercontrol.blocks.random_numbers import random_numbers
+from hovercontrol.blocks.signals import Signal
+from hovercontrol.control.autopilot.turntable import ARM
+from hovercontrol.control.observers.ins import IMU_PERIOD
+from hovercontrol.craft.models.motion import MOTION
 
 #: The spin axis, in the middle of the beacons [m]; K06 does not print where the bench stood.
 CENTRE = (1.22, 1.22)
@@ -45,7 +45,7 @@ def sample_delay(
 
     Examples
     --------
-    >>> from hovercontrol.simulation.hybrid import Ticking
+    >>> from hovercontrol.blocks.simulation.hybrid import Ticking
     >>> late = Ticking(sample_delay([Signal("a")], "late", name="line"))
     >>> [late.tick(0.0, {"a": a})["a_late"] for a in (1.0, 2.0, 3.0)]
     [0.0, 0.0, 1.0]
@@ -93,7 +93,7 @@ def encoder(*, positions: int = POSITIONS, interval: float = 1.0, name: str = "e
 
     Examples
     --------
-    >>> from hovercontrol.simulation.hybrid import Ticking
+    >>> from hovercontrol.blocks.simulation.hybrid import Ticking
     >>> round(Ticking(encoder(positions=4)).tick(0.0, {"psi": 1.0})["encoder_psi"], 4)  # a quarter turn
     1.5708
     """

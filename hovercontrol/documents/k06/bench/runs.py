@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hovercontrol.autopilot.turntable import ARM
+from hovercontrol.base.short_repr import short_repr
+from hovercontrol.blocks.backends.compiled import CompiledBlock
+from hovercontrol.control.autopilot.turntable import ARM
+from hovercontrol.control.observers.ins import IMU_PERIOD, K06_NOISE
 from hovercontrol.documents.item import Printed
 from hovercontrol.documents.k06.bench.blocks import OLDEST, bench
 from hovercontrol.documents.k06.bench.instruments import CENTRE
-from hovercontrol.estimators.ins import IMU_PERIOD, K06_NOISE
-from hovercontrol.io.short_repr import short_repr
-from hovercontrol.targets.compiled import CompiledBlock
 
 Array = NDArray[np.float64]
 Settings = Mapping[str, float]

@@ -9,7 +9,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from hovercontrol.analysis.output import Table, save
+from hovercontrol.control.analysis.output import Table, save
+from hovercontrol.control.observers.ins import IMU_PERIOD, K06_NOISE
 from hovercontrol.documents.k06.bench.aids import aided
 from hovercontrol.documents.k06.bench.runs import (
     COLUMNS,
@@ -24,7 +25,6 @@ from hovercontrol.documents.k06.bench.runs import (
     time_course,
 )
 from hovercontrol.documents.printed import printed, rebuilds
-from hovercontrol.estimators.ins import IMU_PERIOD, K06_NOISE
 
 PRINTED = printed("k06", "table 6.6")
 #: Heading filter for table 6.6: Q1 as the model integrates it, the gyro's variance times dt^2, and a bias

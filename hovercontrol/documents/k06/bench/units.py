@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from hovercontrol.analysis.output import save
+from hovercontrol.control.analysis.output import save
 from hovercontrol.documents.k06.bench.aids import SECONDS, SETTLED, aided_settings
 from hovercontrol.documents.k06.bench.runs import (
     COLUMNS,
@@ -22,7 +22,7 @@ from hovercontrol.documents.k06.bench.runs import (
     time_course,
 )
 from hovercontrol.documents.printed import printed, rebuilds
-from hovercontrol.scenarios.real_figures import within_a_turn
+from hovercontrol.documents.scenarios.real_figures import within_a_turn
 
 PRINTED = printed("k06", "fig 6.20")
 #: Other places of the second Cricket unit, 8 in from the first, in the body's axes [m].

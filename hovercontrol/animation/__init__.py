@@ -1,6 +1,0 @@
-"""The motion of a craft as a map and as an animation: from a simulated run, a scenario or a measured log."""
-
-from hovercontrol.animation.animate import Animation, animate
-from hovercontrol.animation.path import plot_path
-
-__all__ = ["animate", "Animation", "plot_path"]

@@ -1,0 +1,152 @@
+"""Pose, velocities and commands of a craft over time, from a run of any kind."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import TypeAlias
+
+import control
+import numpy as np
+from numpy.typing import NDArray
+
+from hovercontrol.base.errors import InputError
+from hovercontrol.craft.models.model import Model
+from hovercontrol.documents.scenarios.machine import MachineRun
+from hovercontrol.documents.scenarios.result import Run
+from hovercontrol.logs.log import POSE, VELOCITY, Log
+
+Array = NDArray[np.float64]
+
+#: What holds the motion of a craft.
+AnyRun: TypeAlias = control.TimeResponseData | Log | Run | MachineRun
+
+#: A frame that falls on a row but for this [s] takes its commands.
+ROUNDING = 1e-9
+
+#: Signals that give the point to follow, moving or fixed, in order of preference.
+REFERENCES = (("x_ref", "y_ref"), ("goal_x_ref", "goal_y_ref"))
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """The motion of one craft.
+
+    Attributes
+    ----------
+    name : str
+    time, x, y, psi : ndarray, shape (n,)
+        [s, m, m, rad]; the heading is continuous, without jumps by 2 pi.
+    velocities : dict of str to ndarray (n,)
+        Those of ``u``, ``v`` [m/s], ``r`` [rad/s] that the run holds.
+    reference : dict of str to ndarray (n,)
+        ``x`` and ``y`` [m] of the point to follow, if the run holds one.
+    goal : bool
+        Whether that point is a fixed goal, not a path.
+    commands : dict of str to ndarray (n,)
+        All other signals, held between times.
+    model : Model or None
+        Model of a scenario.
+    """
+
+    name: str
+    time: Array
+    x: Array
+    y: Array
+    psi: Array
+    velocities: Mapping[str, Array] = field(default_factory=dict)
+    reference: Mapping[str, Array] = field(default_factory=dict)
+    goal: bool = False
+    commands: Mapping[str, Array] = field(default_factory=dict)
+    model: Model | None = None
+
+    def at(self, times: Array) -> Motion:
+        """Return the motion at other times, shape (m,): poses interpolated, commands held."""
+
+        def between(values: Array) -> Array:
+            return np.interp(times, self.time, values)
+
+        row = np.clip(np.searchsorted(self.time, times + ROUNDING, side="right") - 1, 0, None)
+        return replace(
+            self, time=times, x=between(self.x), y=between(self.y), psi=between(self.psi),
+            velocities={name: between(values) for name, values in self.velocities.items()},
+            reference={name: between(values) for name, values in self.reference.items()},
+            commands={name: values[row] for name, values in self.commands.items()},
+        )  # fmt: skip
+
+
+def motion_of(run: AnyRun) -> Motion:
+    """Return the motion of a craft from a run.
+
+    True signals (``true_x``) of a scenario are preferred to measured ones, and states of a closed loop
+    (``plant.x``) serve where its outputs lack the pose.
+
+    Raises
+    ------
+    InputError
+        If ``x``, ``y`` or ``psi`` is missing, ambiguous or known at fewer than two times.
+    """
+    name, time, columns = _columns(run)
+    pose = [_find(name, columns, key) for key in POSE]
+    known = np.isfinite(pose).all(axis=0)
+    if known.sum() < 2:
+        raise InputError(f"{name}: expected x, y and psi at two times or more, found {int(known.sum())}")
+    x, y, psi = (row[known] for row in pose)
+    at = time[known]
+    taken: dict[str, Array] = {}
+    for key, row in columns.items():
+        if key not in POSE and np.isfinite(row).any():
+            taken[key] = _filled(time, row, at, held=key not in (*VELOCITY, *np.ravel(REFERENCES)))
+    pair = next((pair for pair in REFERENCES if set(pair) <= set(taken)), None)
+    return Motion(
+        name, at, x, y, np.unwrap(psi),
+        velocities={k: v for k in VELOCITY if (v := _found(columns, taken, k)) is not None},
+        reference={} if pair is None else dict(zip("xy", (taken[k] for k in pair), strict=True)),
+        goal=pair == REFERENCES[1],
+        commands=taken,
+        model=run.scenario.plant if isinstance(run, Run) and isinstance(run.scenario.plant, Model) else None,
+    )  # fmt: skip
+
+
+def _columns(run: AnyRun) -> tuple[str, Array, dict[str, Array]]:
+    """Return the name, the times and all signals by name of a run; outputs go before states of that name."""
+    if isinstance(run, Run):
+        return run.scenario.name, run.time, dict(run.columns)
+    if isinstance(run, MachineRun | Log):
+        log = run if isinstance(run, Log) else run.log
+        return log.name, log.time, dict(log.columns)
+    name = str(run.sysname or "run")
+    if run.ntraces > 1:
+        raise InputError(f"{name}: expected one run, found a response of {run.ntraces} traces")
+    columns: dict[str, Array] = {}
+    for labels, rows in ((run.input_labels, run.u), (run.state_labels, run.x), (run.output_labels, run.y)):
+        if labels and rows is not None and np.size(rows):
+            columns |= dict(zip(labels, np.reshape(rows, (len(labels), -1)), strict=True))
+    return name, np.asarray(run.time, dtype=float), columns
+
+
+def _find(name: str, columns: Mapping[str, Array], key: str) -> Array:
+    """Return the signal of a name: the true signal, the signal itself, or the only state with that name."""
+    for known in (f"true_{key}", key):
+        if known in columns:
+            return columns[known]
+    ends = [other for other in columns if other.endswith(f".{key}")]
+    if len(ends) == 1:
+        return columns[ends[0]]
+    found = f"several: {', '.join(ends)}" if ends else f"only {', '.join(columns) or 'no signals'}"
+    raise InputError(f"{name}: expected the pose of a craft, x, y and psi; of {key!r} it holds {found}")
+
+
+def _found(columns: Mapping[str, Array], taken: Mapping[str, Array], key: str) -> Array | None:
+    ends = [other for other in columns if other.endswith(f".{key}")]
+    names = [f"true_{key}", key, *(ends if len(ends) == 1 else [])]
+    return next((taken[known] for known in names if known in taken), None)
+
+
+def _filled(time: Array, row: Array, at: Array, *, held: bool) -> Array:
+    """Return a signal at other times; rows with NaN are skipped."""
+    known = np.isfinite(row)
+    if not held:
+        return np.interp(at, time[known], row[known])
+    last = np.clip(np.searchsorted(time[known], at, side="right") - 1, 0, None)
+    return row[known][last]

@@ -1,0 +1,115 @@
+"""The ideal and the real loop of a craft, and its monitor, each built on first use in a separate thread."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+from typing import TypeVar
+
+from hovercontrol.app.cockpit.loop import Loop
+from hovercontrol.app.cockpit.orders import Flown
+from hovercontrol.app.cockpit.pacer import Pacer
+from hovercontrol.app.cockpit.real_loop import RealLoop
+from hovercontrol.app.cockpit.watch import Watch, watch_block
+from hovercontrol.base.errors import InputError, did_you_mean, shown
+from hovercontrol.craft.models.model import Model
+
+T = TypeVar("T")
+
+LOOPS: dict[str, type[Loop] | type[RealLoop]] = {"ideal": Loop, "real": RealLoop}
+
+
+def loop_of(kind: str, model: Model) -> Flown:
+    """Return a loop of a craft, ``ideal`` or ``real``.
+
+    Raises
+    ------
+    InputError
+        If there is no such loop, or the craft does not suit it.
+
+    Examples
+    --------
+    >>> from hovercontrol.craft.models.vehicles import vehicle
+    >>> loop_of("reel", vehicle("hoverdemon"))
+    Traceback (most recent call last):
+    hovercontrol.base.errors.InputError: unknown loop 'reel'; did you mean 'real'?
+    """
+    if kind not in LOOPS:
+        raise InputError(f"unknown loop {shown(kind)}{did_you_mean(kind, LOOPS)}")
+    return LOOPS[kind](model)
+
+
+class Loops:
+    """The loops of a pacer.
+
+    Parameters
+    ----------
+    pacer : Pacer
+        Its craft is used in all loops.
+
+    Attributes
+    ----------
+    building : bool
+        Whether a loop is being built.
+    """
+
+    def __init__(self, pacer: Pacer) -> None:
+        self._pacer, self._known = pacer, {pacer.loop.kind: pacer.loop}
+        self._model = pacer.loop.model
+        self.building = False
+
+    async def fly(self, kind: str) -> None:
+        """Switch to another loop; time stands still while it is built.
+
+        Raises
+        ------
+        InputError
+            As of :func:`loop_of`.
+        """
+        if kind not in self._known:
+            self.building = True
+            try:
+                self._known[kind] = await built(lambda: loop_of(kind, self._model))
+            finally:
+                self.building = False
+        self._pacer.fly(self._known[kind])
+
+    async def watch(self) -> None:
+        """Let a monitor watch the present loop, once it is built; time goes on meanwhile.
+
+        Raises
+        ------
+        InputError
+            As of :func:`.watch.watch_block`.
+        """
+        self.building = True
+        try:
+            watch = await built(lambda: Watch(watch_block(self._pacer.loop.model)))
+        finally:
+            self.building = False
+        self._pacer.monitor(watch)
+
+
+async def built(make: Callable[[], T]) -> T:
+    """Return what a function makes in a thread of its own; the end of the process does not wait for it."""
+    loop = asyncio.get_running_loop()
+    done: asyncio.Future[T] = loop.create_future()
+
+    def finish(set_: Callable[[T], None] | Callable[[Exception], None], found: T | Exception) -> None:
+        if not done.done():  # it may be cancelled
+            set_(found)  # type: ignore[arg-type]
+
+    def work() -> None:
+        set_: Callable[[T], None] | Callable[[Exception], None]
+        found: T | Exception
+        try:
+            set_, found = done.set_result, make()
+        except Exception as error:
+            set_, found = done.set_exception, error
+        with suppress(RuntimeError):  # the loop of events has ended
+            loop.call_soon_threadsafe(finish, set_, found)
+
+    threading.Thread(target=work, name="cockpit: building", daemon=True).start()
+    return await done

@@ -1,0 +1,140 @@
+"""``hovercontrol check``: faults of logs, and the coefficients that they excite, before a fit."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from hovercontrol.app.commands import given, names
+from hovercontrol.base.errors import ArgumentError, InputError
+from hovercontrol.base.files import check_folder
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from hovercontrol.craft.models.blockmodel import BlockModel
+    from hovercontrol.craft.models.model import Model
+    from hovercontrol.fmi.replay.plant import FmuPlant
+    from hovercontrol.logs import Log
+
+#: Stamps that a clock moved by so much [s] still belong to a log.
+EDGE = 0.05
+
+EXAMPLE = "Example: hovercontrol check a.csv b.csv --model craft.toml --out out/check"
+
+
+def check(
+    logs: given.Logs = None,
+    out: given.Out = None,
+    model: given.ModelFile = None,
+    vehicle: Annotated[
+        str | None,
+        typer.Option(
+            "--vehicle",
+            help="A built-in craft instead of --model; without either, no trial fit is made.",
+            autocompletion=names.vehicles,
+        ),
+    ] = None,
+    params: given.Params = None,
+    fit: given.Fit = "",
+    fixed: given.Fixed = "",
+    columns: given.Columns = "",
+    period: given.Period = None,
+    bench: given.Bench = None,
+    bench_fans: given.BenchFans = 2,
+    only_while: given.OnlyWhile = "",
+    settle: given.Settle = 1.0,
+    frame: given.Frame = "",
+    missing: given.Missing = "",
+    trial: given.TrialColumn = "",
+    json: given.Json = False,
+) -> int:
+    """Check logs before a fit: timing, noise, outliers, units, excitation.
+
+    Reports for each log its rate, gaps, jitter and clock; for each column range, noise, resolution and
+    outliers; with a model also whether units, signs and clocks agree with it and which
+    coefficients a fit could estimate. Of an FMU (--model plant.fmu) these are the parameters
+    that --fit names, or all that are real numbers. Writes check.txt, check.json, check.png and check.svg.
+
+    Exit status 1 if a log cannot be used as it is, or a coefficient cannot be estimated.
+    """
+    from hovercontrol.identification.check import check as find
+    from hovercontrol.logs.gather import split_files
+
+    if not logs:
+        raise InputError("check: expected one or more logs")
+    out = out or Path("out") / "check"
+    check_folder(out)
+    given.refuse_twice("check", logs)
+    if params and not (model or vehicle):
+        raise InputError("check: --params belongs to a model; expected --model or --vehicle as well")
+    plant = given.fmu_of("check", model, fit, params)
+    known = given.model_of("check", model, vehicle, params) if (model or vehicle) and not plant else None
+    subject = plant or known
+    if not columns and (topics := topics_of(logs, subject, model, vehicle)):
+        print(topics)
+        return 1
+    read = given.reader(
+        subject, columns, period, bench, bench_fans, only_while, settle, frame, missing=missing, trial=trial
+    )
+    with given.progress_bar("check", 1.0) as report:
+        report(0.0, "reading logs")
+        every, written, unread = [], [], []
+        wrong: ArgumentError | None = None
+        for name in logs:
+            try:
+                every.append(read(name))
+            except InputError as error:  # what is wrong with a log is what was asked for
+                if not all(path.is_file() for path in split_files(name)):
+                    raise
+                unread.append(str(error))
+                wrong = error if isinstance(error, ArgumentError) else wrong
+                continue
+            written.append(stamps(name, every[-1], columns, period))
+        if wrong and not every:  # an option that fits none of the logs is at fault, not they
+            raise wrong
+        found = find(
+            subject,
+            every,
+            fixed=given.listed(fixed, "--fixed") or [],
+            files=written,
+            unread=unread,
+            progress=lambda part, what: report(0.05 + 0.9 * part, what),
+        )
+        report(0.95, "drawing")
+        files = found.save(out)
+    given.show(found.text(), files, out, found.to_json() if json else None)
+    return 1 if found.negative else 0
+
+
+def topics_of(
+    logs: list[str], known: Model | BlockModel | FmuPlant | None, model: str | None, vehicle: str | None
+) -> str:
+    """Return the topics of files that hold several, and proposals of ``--columns``; empty for others."""
+    from hovercontrol.logs.gather import split_files
+    from hovercontrol.logs.overview import overview
+    from hovercontrol.logs.wanted import Wanted
+
+    wanted = Wanted.of(given.readable_model(known), motion=known is None)
+    options = f" --model {model}" if model else f" --vehicle {vehicle}" if vehicle else ""
+    paths = dict.fromkeys(path for name in logs for path in split_files(name))
+    return "\n".join(text for path in paths if path.exists() and (text := overview(path, wanted, options)))
+
+
+def stamps(files: str, log: Log, columns: str, period: float | None = None) -> dict[str, NDArray[np.float64]]:
+    """Return the time stamps of a log's files [s] as in the file, within the time of the log."""
+    from hovercontrol.logs.gather import columns_by_file, split_files
+    from hovercontrol.logs.join import measured_rows
+    from hovercontrol.logs.read import read_log
+
+    paths = split_files(files)
+    if len(paths) == 1:  # its rows are those of the log, less those of commands of another topic
+        return {} if log.trials else {paths[0].name: log.time[measured_rows(log)]}
+    found = {}
+    for path, own in zip(paths, columns_by_file(paths, given.pairs(columns)), strict=True):
+        time = read_log(path, own, usecols=[], period=period).on_clock_of(log).time
+        found[path.name] = time[(time >= log.time[0] - EDGE) & (time <= log.time[-1] + EDGE)]
+    return {name: time for name, time in found.items() if time.size}

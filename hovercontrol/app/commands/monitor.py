@@ -1,0 +1,175 @@
+"""``hovercontrol monitor``: what has changed in a craft, along a log or while it grows."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from hovercontrol.app.commands import given, names
+from hovercontrol.base.errors import InputError
+from hovercontrol.base.files import check_folder
+
+if TYPE_CHECKING:
+    from hovercontrol.identification.monitor.build import Built
+
+EXAMPLE = "Example: hovercontrol monitor today.csv --sound sound.csv --model craft.toml --out out/monitor"
+
+
+def monitor(
+    log: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="LOG",
+            help=f"{given.FORMATS} With --follow a growing CSV file, or - for standard input.",
+        ),
+    ] = None,
+    out: given.Out = None,
+    model: given.ModelFile = None,
+    vehicle: given.Vehicle = None,
+    params: given.Params = None,
+    sound: Annotated[
+        str | None,
+        typer.Option(
+            "--sound",
+            help="A sound log, from which coefficients and noise are fitted (default: the model as it is, "
+            "and the noise of the first part of LOG).",
+        ),
+    ] = None,
+    candidates: Annotated[
+        str,
+        typer.Option(
+            help="Changes to look for, separated by commas: effects, coefficients of the model, NAME_bias of "
+            "a measured channel (default: the model's linear coefficients and biases).",
+            autocompletion=names.effects,
+        ),
+    ] = "",
+    measured: Annotated[
+        str,
+        typer.Option(
+            help="Measured channels, separated by commas (default: the pose of a craft, else all in the log)."
+        ),
+    ] = "",
+    false_alarms_per_hour: Annotated[
+        float, typer.Option("--false-alarms-per-hour", help="Wanted rate of false alarms.")
+    ] = 0.1,
+    hold: Annotated[
+        float,
+        typer.Option(help="Seconds after an alarm in which evidence is collected; then the tests restart."),
+    ] = 5.0,
+    follow: Annotated[
+        bool,
+        typer.Option(
+            "--follow",
+            help="Read LOG line by line while it grows; each alarm and each fault of the rows is one JSON "
+            "line ('hovercontrol schema monitor_event'). Needs --sound. Ends with standard input, or by "
+            "Ctrl-C.",
+        ),
+    ] = False,
+    columns: given.Columns = "",
+    period: given.Period = None,
+    bench: given.Bench = None,
+    bench_fans: given.BenchFans = 2,
+    only_while: given.OnlyWhile = "",
+    settle: given.Settle = 1.0,
+    frame: given.Frame = "",
+    missing: given.Missing = "",
+    trial: given.TrialColumn = "",
+    json: given.Json = False,
+) -> int:
+    """Say what has changed in a craft along a log: name, size, since when, and what else it may be.
+
+    A filter of the model follows the log; tests on its innovations look for each candidate. The threshold is
+    computed from the wanted rate of false alarms. Lost samples are no alarm; a dead sensor is named.
+
+    With --out it writes result.json, timeline.csv, timeline.png and timeline.svg.
+
+    Exit status 0 if nothing changed, 1 after an alarm.
+    """
+    if log is None:
+        raise InputError("monitor: expected a log, or - with --follow for standard input")
+    if out is not None:
+        check_folder(out)
+    if follow and (out is not None or json or frame or bench or only_while or trial or period):
+        raise InputError(
+            "monitor: --follow prints JSON lines: no --out, --json, --frame, --bench, --while, --trial or "
+            "--period"
+        )
+    if not follow and log == "-":
+        raise InputError("monitor: - is standard input: add --follow")
+    if follow and sound is None:
+        raise InputError("monitor: --follow needs --sound LOG: a sound log, for the noise and the period")
+    if not hold > 0.0:
+        raise InputError(f"monitor: --hold: expected a positive time in seconds, found {hold:g}")
+    if not false_alarms_per_hour > 0.0:
+        raise InputError(
+            f"monitor: --false-alarms-per-hour: expected a positive number, found {false_alarms_per_hour:g}"
+        )
+    wanted, channels = given.listed(candidates, "--candidates"), given.listed(measured, "--measured")
+    craft = given.model_of("monitor", model, vehicle, params)
+    read = given.reader(
+        craft, columns, period, bench, bench_fans, only_while, settle, frame, missing=missing, trial=trial
+    )
+    if follow and log != "-" and not Path(log).is_file():
+        raise InputError(f"monitor: {log}: no such file")
+    given.refuse_twice("monitor", [name for name in (log, sound) if name not in (None, "-")])
+
+    from hovercontrol.identification.monitor.build import build
+    from hovercontrol.identification.monitor.replay import replay
+
+    with given.progress_bar("monitor", 1.0) as report:
+        report(0.0, "reading logs")
+        train = read(sound) if sound else None
+        run = train if follow and train is not None else read(log)
+        built = build(
+            craft,
+            run,
+            train=train,
+            candidates=wanted,
+            measured=channels,
+            false_alarms_per_hour=false_alarms_per_hour,
+            progress=lambda part, what: report(0.05 + 0.65 * part, what),
+        )
+        if not follow:
+            found = replay(
+                built.block,
+                run,
+                hold=hold,
+                notes=built.notes,
+                progress=lambda part, what: report(0.7 + 0.25 * part, what),
+            )
+            files = found.save(out) if out is not None else []
+    if follow:
+        return _follow(built, log, columns, hold, given.numbers(missing, "--missing"))
+    if files or json:
+        given.show(found.text(), files, out or Path(), found.to_json() if json else None)
+    else:
+        print(found.text())
+    return 1 if found.alarms else 0
+
+
+def _follow(built: Built, log: str, columns: str, hold: float, missing: list[float]) -> int:
+    """Print the events of a growing table; return 1 after an alarm."""
+    from hovercontrol.identification.monitor.follow import follow, json_line
+    from hovercontrol.identification.monitor.lines import growing_lines, lines_of
+
+    for note in built.notes:
+        print(note, file=sys.stderr)
+    lines = lines_of(sys.stdin) if log == "-" else growing_lines(Path(log))
+    source = "standard input" if log == "-" else log
+    alarms = 0
+    for event in follow(
+        built.block,
+        lines,
+        given.pairs(columns),
+        source,
+        hold,
+        missing=missing,
+        sizes=built.sizes,
+        step=built.step,
+    ):
+        print(json_line(event), flush=True)
+        alarms = event.get("alarms", alarms)
+    return 1 if alarms else 0

@@ -1,0 +1,146 @@
+"""States of a Block that follow from given signals: a motor's lag, a gear's play, a friction's bristles.
+
+NumPy computes them until a compiled library is available; the two agree to rounding, except that NumPy takes
+the slope from finite differences. Each state x is stepped by the exponential Euler method (Rosenbrock)::
+
+    x(k+1) = x(k) + h f(x(k)) phi(h a),    a = df/dx,    phi(z) = (exp(z) - 1)/z
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable, Sequence
+from functools import partial
+
+import numpy as np
+import sympy as sp
+from numpy.typing import NDArray
+
+from hovercontrol.blocks.backends.background import InBackground
+from hovercontrol.blocks.backends.c import function_source
+from hovercontrol.blocks.backends.compiler import generated, load_library
+from hovercontrol.blocks.backends.runtime import FOLLOWING, runtime_files
+from hovercontrol.blocks.block import Block
+from hovercontrol.blocks.sgn import regularise
+
+Array = NDArray[np.float64]
+
+#: Time of a NumPy step [s]: a library being built is awaited for the time that NumPy would need.
+NUMPY_STEP = 2e-4
+
+_EXPORTS = """
+#ifdef _WIN32
+#define EXPORT __declspec(dllexport)
+#else
+#define EXPORT __attribute__((visibility("default")))
+#endif
+EXPORT int block_follow(const hc_follow *follow, long from, long to)
+{
+    return hc_follow_run(follow, rates, from, to);
+}
+"""
+
+
+class _Follow(ctypes.Structure):
+    """hc_follow of hc_follow.h."""
+
+    _fields_ = (
+        *((name, ctypes.c_int) for name in ("n_states", "n_inputs", "n_followers")),
+        *((name, ctypes.c_long) for name in ("steps", "windows")),
+        *((name, ctypes.c_void_p) for name in ("followers", "time", "step", "states", "inputs")),
+        *((name, ctypes.c_void_p) for name in ("parameters", "values")),
+    )
+
+
+def follow(
+    block: Block,
+    followers: Sequence[int],
+    time: Array,
+    step: Array,
+    states: Array,
+    inputs: Array,
+    parameters: Sequence[float],
+) -> Array:
+    """Return states that follow from given signals, with zero initial values.
+
+    Parameters
+    ----------
+    followers : sequence of int
+        Their indices among the states.
+    time, step : ndarray, shape (M, W)
+        Times at which the signals are given, and durations for which they are held [s], in W windows.
+    states : ndarray, shape (n_states, M, W)
+        Given states; the values of the followers are ignored.
+    inputs : ndarray, shape (n_inputs, M, W)
+    parameters : sequence of float
+        Values of all parameters of the Block.
+
+    Returns
+    -------
+    ndarray, shape (n_followers, M + 1, W)
+        Infinite or NaN where a state diverges.
+    """
+    M, W = time.shape
+    values = np.zeros((len(followers), M + 1, W))
+    call = _compiled.within(NUMPY_STEP * M, block, tuple(followers))
+    if call is None:
+        _step(block, list(followers), time, step, states, inputs, list(parameters), values)
+        return values
+    which = np.array(followers, dtype=np.intc)
+    arrays = [np.ascontiguousarray(a, dtype=float) for a in (time, step, states, inputs, parameters)]
+    places = [which.ctypes.data, *(a.ctypes.data for a in arrays), values.ctypes.data]
+    job = _Follow(len(block.states), len(block.inputs), len(followers), M, W, *places)
+    if call(ctypes.byref(job), 0, W):
+        raise MemoryError("no memory for the states that follow")
+    return values
+
+
+def _step(
+    block: Block,
+    followers: list[int],
+    time: Array,
+    step: Array,
+    states: Array,
+    inputs: Array,
+    parameters: list[float],
+    values: Array,
+) -> None:
+    rates, W = block.to_numpy().array_derivatives, time.shape[1]
+    with np.errstate(all="ignore"):
+        for k, h in enumerate(step):
+            x = np.array(states[:, k], dtype=float)
+            x[followers] = values[:, k]
+            now = rates(time[k], x, inputs[:, k], parameters)
+            for j, i in enumerate(followers):
+                tip = 1e-6 * block.states[i].nominal
+                moved = x.copy()
+                moved[i] += tip
+                rate = np.broadcast_to(now[i], W)
+                own = (rates(time[k], moved, inputs[:, k], parameters)[i] - rate) / tip
+                # z = h a within [-700, 50] against overflow;  phi(z) = expm1(z)/z, 1 for |z| <= 1e-8
+                a = np.clip(own * h, -700.0, 50.0)
+                grown = np.where(np.abs(a) > 1e-8, np.expm1(a) / np.where(a == 0, 1.0, a), 1.0)
+                values[j, k + 1] = values[j, k] + h * rate * grown
+
+
+def _source(block: Block, followers: tuple[int, ...]) -> str:
+    chosen = [block.states[i] for i in followers]
+    laws = [regularise(block.expand(block.derivatives[s.name])) for s in chosen]
+    slopes = [sp.diff(law, s.symbol) for law, s in zip(laws, chosen, strict=True)]
+    return "\n".join(
+        [
+            f"/* {block.name}: rates of {', '.join(s.name for s in chosen)}. Generated by hovercontrol. */",
+            '#include <math.h>\n\n#include "hc_follow.h"\n#include "hc_math.h"\n',
+            function_source(block, "rates", [*laws, *slopes]),
+            _EXPORTS,
+        ]
+    )
+
+
+@InBackground
+def _compiled(build: bool, block: Block, followers: tuple[int, ...]) -> Callable[..., int]:
+    files = runtime_files(FOLLOWING)
+    files["rates.c"] = generated(block, f"follow {followers}", partial(_source, block, followers))
+    call = load_library(f"{block.name}_follow", files, build=build).block_follow
+    call.argtypes = [ctypes.c_void_p, ctypes.c_long, ctypes.c_long]
+    return call

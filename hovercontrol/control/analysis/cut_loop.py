@@ -1,0 +1,183 @@
+"""A loop with wires cut, linearised by its exact Jacobians from the wires to where they come back."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import control
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.blocks.backends.friction_slopes import Point as At
+from hovercontrol.blocks.backends.friction_slopes import Slope
+from hovercontrol.blocks.backends.linear import state_space
+from hovercontrol.blocks.backends.linearization import given_point, matrices_at
+from hovercontrol.blocks.backends.trim import Trim
+from hovercontrol.blocks.block import Block
+from hovercontrol.blocks.expressions import Expressions
+from hovercontrol.blocks.interconnect import interconnect, rename
+from hovercontrol.blocks.signals import Signal, suffixed
+
+Loop = Block | Sequence[Block]
+Point = ArrayLike | Mapping[str, float] | Trim
+
+#: What a signal is called where it comes back to the wire that is cut.
+RETURNED = "returned"
+
+
+def _open(name: str, signal: str) -> InputError:
+    return InputError(
+        f"{name}: nothing drives {signal!r}: a loop to be cut must be closed, or its value given"
+    )
+
+
+def cut_blocks(blocks: Sequence[Block], cut: Sequence[str], name: str) -> Block:
+    """Return Blocks joined with wires cut: inputs `cut`, then open ones; outputs ``WIRE_returned``."""
+    driven = {s.name for block in blocks for s in block.outputs}
+    for signal in cut:
+        if signal not in driven:
+            raise InputError(f"{name}: no block drives {signal!r}{did_you_mean(signal, driven)}")
+    parts = []
+    for block in blocks:
+        own = {s.name: suffixed(s.name, RETURNED) for s in block.outputs if s.name in cut}
+        parts.append(rename(block, own) if own else block)
+    returned = [suffixed(signal, RETURNED) for signal in cut]
+    more = [s.name for s in interconnect(parts, name, outputs=returned).inputs if s.name not in cut]
+    return interconnect(parts, name, inputs=[*cut, *more], outputs=returned)
+
+
+def _cut_whole(loop: Block, cut: Sequence[str]) -> Block:
+    """Return a loop that is one Block with wires cut: signals that its equations define."""
+    known = {s.name: s for s in loop.definition_signals}
+    for name in cut:
+        if name not in known:
+            shown = {s.name: s.symbol for s in loop.states} | dict(loop.output_expressions)
+            hint = (
+                f": it is the signal {shown[name]} under this name; give the Blocks of the loop as a list"
+                if name in shown
+                else did_you_mean(name, known)
+            )
+            raise InputError(loop.where(f"no signal {name!r} that can be cut{hint}"))
+    returned = [known[name].replace(name=suffixed(name, RETURNED)) for name in cut]
+    new = {name: signal.name for name, signal in zip(cut, returned, strict=True)}
+    signals = tuple(s.replace(name=new.get(s.name, s.name)) for s in loop.definition_signals)
+    wires = tuple(_input(known[name]) for name in cut)
+    return loop.unchecked(
+        inputs=(*wires, *loop.inputs),
+        outputs=tuple(returned),
+        output_expressions=Expressions((s.name, s.symbol) for s in returned),
+        definitions=Expressions((new.get(name, name), e) for name, e in loop.definitions.items()),
+        definition_signals=signals,
+    )
+
+
+def _input(signal: Signal) -> Signal:
+    return Signal(signal.name, signal.unit, signal.description, nominal=signal.nominal)
+
+
+class CutLoop:
+    """A loop with wires cut, to be linearised at many points.
+
+    Parameters
+    ----------
+    loop : Block or sequence of Block
+        The Blocks of the loop, or the loop that they make.
+    wires : str or sequence of str
+        Signals that one of the Blocks drives; of a loop in one Block, signals that its equations define.
+
+    Raises
+    ------
+    InputError
+        If nothing drives a signal.
+    """
+
+    def __init__(self, loop: Loop, wires: str | Sequence[str]) -> None:
+        cut = [wires] if isinstance(wires, str) else list(wires)
+        self._n = len(cut)
+        if isinstance(loop, Block):
+            self._cut = _cut_whole(loop, cut)
+            symbols = Expressions((s.name, s.symbol) for s in self._cut.inputs[: self._n])
+            self._closed = loop.unchecked(outputs=self._cut.inputs[: self._n], output_expressions=symbols)
+        else:
+            self._cut = cut_blocks(loop, cut, "loop")
+            self._closed = interconnect(loop, "loop", outputs=cut)
+
+    def linearize(
+        self,
+        at: Point | None = None,
+        time: float | None = None,
+        params: Mapping[str, float] | None = None,
+        *,
+        friction: Slope = "smooth",
+        amplitude: Mapping[str, float] | None = None,
+    ) -> control.StateSpace:
+        """Return the linear system from the cut wires to where they come back; feedback is positive.
+
+        Parameters
+        ----------
+        at : Trim, mapping by name or array_like, optional
+            State of the closed loop, a mapping over its start values. Inputs that nothing drives have the
+            values of the Trim or the mapping.
+        time : float, optional
+            [s]; default that of the Trim, or 0.
+        params : mapping, optional
+            Parameter values by key.
+        friction, amplitude
+            As for :meth:`hovercontrol.Block.linearize`.
+
+        Raises
+        ------
+        InputError
+            If a name or a number of values is wrong, an input is open and has no value, or parts of the loop
+            tick with different periods.
+        """
+        known = at.inputs if isinstance(at, Trim) else at if isinstance(at, Mapping) else {}
+        for signal in self._closed.inputs:
+            if signal.name not in known:
+                raise _open(self._closed.name, signal.name)
+        given: Any = {} if at is None else at
+        point = given_point(self._closed, given, None, params, time)
+        return self._at(point, friction, amplitude, warn=True)
+
+    def along(
+        self, motion: control.TimeResponseData, params: Mapping[str, float] | None = None
+    ) -> Iterator[control.StateSpace]:
+        """Give the linear systems at each row of a motion of the closed loop, frozen.
+
+        Raises
+        ------
+        InputError
+            If the motion has not all states and inputs of this loop.
+        """
+        states = _rows(self._closed.states, "state", motion.state_labels, motion.states)
+        inputs = _rows(self._closed.inputs, "input", motion.input_labels, motion.inputs)
+        for k, time in enumerate(np.asarray(motion.time).tolist()):
+            yield self._at(At(time, states[:, k], inputs[:, k], dict(params or {})), "smooth", None)
+
+    def _at(
+        self, point: At, friction: Slope, amplitude: Mapping[str, float] | None, *, warn: bool = False
+    ) -> control.StateSpace:
+        through = self._closed.to_numpy().outputs(*point)
+        here = point._replace(u=np.concatenate([through, point.u]))
+        if warn and friction == "smooth":
+            matrices_at(self._closed, point)  # warns
+        (A, B, C, D), period = matrices_at(self._cut, here, friction, amplitude, warn=False)
+        n = self._n
+        # python-control's inputs and outputs have no dots, its states may
+        wires, returned = (
+            [s.name.replace(".", "_") for s in group] for group in (self._cut.inputs[:n], self._cut.outputs)
+        )
+        states = [s.name for s in self._cut.states]
+        labels = {"inputs": wires, "outputs": returned, "states": states}
+        return state_space([A, B[:, :n], C, D[:, :n]], period, **labels)
+
+
+def _rows(signals: Sequence[Signal], kind: str, labels: Sequence[str] | None, values: Any) -> np.ndarray:
+    names = list(labels or [])
+    for signal in signals:
+        if signal.name not in names:
+            raise InputError(f"motion: no {kind} {signal.name!r}{did_you_mean(signal.name, names)}")
+    rows = np.asarray(values, dtype=float)
+    return rows[[names.index(s.name) for s in signals]] if signals else np.zeros((0, rows.shape[-1]))

@@ -1,0 +1,23 @@
+"""The diagonal of a covariance, as users give it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hovercontrol.base.errors import InputError
+
+
+def diagonal(name: str, value: ArrayLike, size: int, positive: bool = False) -> list[float]:
+    """Return the diagonal of a covariance, given as one number or as `size` numbers."""
+    try:
+        array = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        raise InputError(f"{name}: expected one number or {size} of them, found {value!r}") from None
+    if array.ndim > 1 or (array.ndim == 1 and array.shape != (size,)):
+        raise InputError(f"{name}: expected one number or {size} of them, found shape {array.shape}")
+    full = np.broadcast_to(array, size)
+    if not np.isfinite(full).all() or (full < 0).any() or (positive and (full == 0).any()):
+        sign = "positive" if positive else "not negative"
+        raise InputError(f"{name} must be finite and {sign}, found {full.min():g}")
+    return [float(v) for v in full]

@@ -1,1 +1,0 @@
-"""The Block and its symbolic processing; independent of solvers, file formats and vehicles."""

@@ -1,7 +1,0 @@
-"""Checks of the logs and of a first fit before a diagnosis."""
-
-from hovercontrol.discrepancy.checks.excitation import check_fitted
-from hovercontrol.discrepancy.checks.logs import as_logs, check_logs
-from hovercontrol.discrepancy.checks.timing import slow_rows
-
-__all__ = ["as_logs", "check_fitted", "check_logs", "slow_rows"]

@@ -1,0 +1,292 @@
+"""Columns of candidates: what each amplitude adds to the states and channels of a fit, along its path.
+
+For the states, a column is the difference in slope with and without the effect, in the middles of sub-steps
+along the fixed path of the fit, carried to the next row. For the channels, it is the difference in output.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from functools import lru_cache
+
+import numpy as np
+import sympy as sp
+from numpy.typing import NDArray
+
+from hovercontrol.blocks.backends.follow import follow
+from hovercontrol.blocks.block import Block
+from hovercontrol.blocks.functions import Function, array_function
+from hovercontrol.craft.effects import Effect
+from hovercontrol.craft.models.base import shown_by
+from hovercontrol.identification.diagnose.search.candidates import Candidate
+from hovercontrol.identification.engine.fit import Fit
+from hovercontrol.identification.engine.inputs import Inputs
+from hovercontrol.identification.engine.subject import Subject, followed_rate, rate_key, structure, timing
+from hovercontrol.identification.engine.substeps import within
+
+Array = NDArray[np.float64]
+
+
+def columns(fit: Fit, tried: Sequence[Candidate]) -> tuple[Array, Array, list[tuple[int, ...]]]:
+    """Return what each amplitude of each candidate adds to states and channels, and the columns of each.
+
+    Returns
+    -------
+    drive : ndarray, shape (K-1, W, n, M)
+        Added to the free states from row to row.
+    seen : ndarray, shape (K, W, C, M)
+        Added to the channels.
+    own : list of tuple of int
+        Columns of each candidate.
+    """
+    problem = fit.problem
+    K, W, C = fit.linear.residual.shape
+    n = len(problem.free)
+    width = sum(max(len(c.amplitudes), 1) for c in tried)
+    drive, seen = np.zeros((K - 1, W, n, width)), np.zeros((K, W, C, width))
+    own: list[tuple[int, ...]] = []
+    at = 0
+    runs = Along(fit)
+    forms = runs.forcing_of_forms([c.trial for c in tried if c.trial.equation])
+    for candidate in tried:
+        if candidate.trial.equation:
+            drive[..., at] = _finite(next(forms))
+            own.append((at,))
+            at += 1
+            continue
+        mine = []
+        for key in candidate.amplitudes or ("",):
+            alone = _alone(candidate, key)
+            mine.append(at)
+            late = timing(problem.model.with_effects([alone])) != timing(problem.model)
+            with np.errstate(all="ignore"):
+                if type(alone).kind() == "measurement" and not late:
+                    seen[..., at] = _finite(runs.seen(alone))
+                else:
+                    drive[..., at] = _finite(runs.forcing(alone))
+            at += 1
+        own.append(tuple(mine))
+    return drive, seen, own
+
+
+def _finite(column: Array) -> Array:
+    """Return a column, or zeros if it is not finite: a trial that diverges carries no information."""
+    return column if np.isfinite(column).all() else np.zeros_like(column)
+
+
+def _alone(candidate: Candidate, key: str) -> Effect:
+    """Return the trial with one amplitude and the others at their neutral values."""
+    numbers, values = type(candidate.trial).numbers, dict(candidate.trial.values)
+    for other in candidate.amplitudes:
+        if other != key:
+            values[other] = numbers[other].neutral
+    return candidate.trial.within_bounds(**values)
+
+
+class Along:
+    """Forces and measurements of effects along a fit's path."""
+
+    def __init__(self, fit: Fit) -> None:
+        self.fit, self.problem = fit, fit.problem
+        problem = self.problem
+        self._values = dict(zip(problem.block.default_parameters, problem.parameters(fit.p), strict=True))
+        self._within = within(fit)
+        self._steps = self._within.steps
+        self._rate = {rate_key(problem.block): followed_rate(float(self._steps.h.max()), problem.tempo)}
+        # where rates are taken: in the middles of sub-steps, or at the ticks of a sampled model
+        self._t = self._steps.t + (0.0 if problem.period else 0.5) * self._steps.h
+        self._base: Array | None = None
+        self._means: dict[float, Array] = {}
+        self._lagged: dict[tuple[object, ...], list[Array]] = {}
+
+    def forcing(self, e: Effect) -> Array:
+        """Return what an effect adds to the free states from row to row, (K-1, W, n).
+
+        With the slopes f in the middle of sub-step s of length h_s, and Phi_s the mean transition matrix from
+        within this sub-step to the next row::
+
+            drive = sum over s of h_s Phi_s (f with the effect - f without it)
+        """
+        problem = self.problem
+        model = problem.model.with_effects([e])
+        own = {f"{problem.block.name}.{e.parameter(k)}": v for k, v in e.values.items()}
+        values = {**self._rate, **self._values, **own}
+        added = self._difference(model, values)
+        if added is None:
+            if self._base is None:
+                self._base = self._slopes(problem.model, self._values)
+            added = self._slopes(model, values) - self._base
+        return self._within.become(added)
+
+    def forcing_of_forms(self, effects: Sequence[Effect]) -> Iterator[Array]:
+        """Return what effects of one form add to the free states from row to row, each (K-1, W, n).
+
+        As :meth:`forcing`, all by one function: the difference of the slopes is the effect's own term.
+
+        Parameters
+        ----------
+        effects : sequence of Effect
+            Each adds a coefficient times a form to one equation; at their trial values.
+        """
+        for e, form in zip(effects, self._forms_in_turn(effects), strict=True):
+            yield self.carried(e.equation, e.values["value"] * form)
+
+    def _forms_in_turn(self, effects: Sequence[Effect]) -> list[Array]:
+        """Return the form of each effect; one effect may be there several times, with other numbers."""
+        turn = Counter[str]()
+        order = [(turn.update([e.name]), turn[e.name])[1] for e in effects]
+        found: dict[int, Array] = {}
+        for now in sorted(set(order)):
+            at = [k for k, one in enumerate(order) if one == now]
+            found |= dict(zip(at, self.forms([effects[k] for k in at]), strict=True))
+        return [found[k] for k in range(len(effects))]
+
+    def forms(self, effects: Sequence[Effect]) -> list[Array]:
+        """Return the form of each effect, its term per coefficient, in the middles of sub-steps (M, W)."""
+        if not effects:
+            return []
+        model = self.problem.model.with_effects(effects)
+        block = structure(model)
+        x, u, every = self._path(model, block, {**self._rate, **self._values})
+        function = array_function(block, [term_of(block, e) for e in effects])
+        with np.errstate(all="ignore"):
+            return [np.broadcast_to(f, self._t.shape) for f in function(self._t, x, u, every)]
+
+    def carried(self, equation: str, rate: Array) -> Array:
+        """Return what a rate of one state, (M, W), adds to the free states from row to row, (K-1, W, n)."""
+        names = [s.name for s in self.problem.block.states]
+        added = np.zeros((len(self.problem.free), *self._t.shape))
+        added[self.problem.free.index(names.index(equation))] = rate
+        return self._within.become(added)
+
+    def _difference(self, model: Subject, values: Mapping[str, float]) -> Array | None:
+        """Return the slopes of a model minus those of the fit, (n, M, W), from the changed terms alone.
+
+        None if commands arrive at other times, or if parameters common to both differ.
+        """
+        problem, block = self.problem, structure(model)
+        alike = timing(model) == timing(problem.model)
+        alike = alike and all(values[k] == v for k, v in self._values.items())
+        changed = _changed(block, problem.block, problem.free) if alike else None
+        if changed is None:
+            return None
+        rows, function = changed
+        x, u, every = self._path(model, block, values)
+        added = np.zeros((len(problem.free), *self._t.shape))
+        with np.errstate(all="ignore"):
+            for row, found in zip(rows, function(self._t, x, u, every), strict=True):
+                added[row] = found
+        return added
+
+    def _slopes(self, model: Subject, values: Mapping[str, float]) -> Array:
+        """Return the slopes of the free states in the middles of sub-steps, (n, M, W)."""
+        problem, block = self.problem, structure(model)
+        x, u, every = self._path(model, block, values)
+        with np.errstate(all="ignore"):
+            slopes = block.to_numpy().array_derivatives(self._t, x, u, every)
+        names = [s.name for s in block.states]
+        rows = [names.index(problem.block.states[i].name) for i in problem.free]
+        return np.stack([np.broadcast_to(slopes[i], self._t.shape) for i in rows])
+
+    def _path(
+        self, model: Subject, block: Block, values: Mapping[str, float]
+    ) -> tuple[Array, Array, list[float]]:
+        """Return states and inputs of a Block in the middles of sub-steps, and its parameters."""
+        problem = self.problem
+        every = [values.get(name, start) for name, start in block.default_parameters.items()]
+        x = np.zeros((len(block.states), *self._t.shape))
+        names = [s.name for s in problem.block.states]
+        u, lagged = self._commands(model, block, every)
+        new = []
+        for i, s in enumerate(block.states):
+            if s.name in names:
+                x[i] = self._within.states[names.index(s.name)]
+            elif i in lagged:
+                x[i] = lagged[i]
+            else:
+                new.append(i)
+        for i in lagged:
+            x[i] = lagged[i]
+        if new:
+            self._simulate(block, new, x, u, every)
+        return x, u, every
+
+    def _simulate(self, block: Block, new: list[int], x: Array, u: Array, every: list[float]) -> None:
+        """Simulate the states that only a candidate has, along the path, from zero in each stretch."""
+        x[new] = follow(block, new, self._t, self._steps.h, x, u, every)[:, :-1]
+
+    def _commands(self, model: Subject, block: Block, every: list[float]) -> tuple[Array, dict[int, Array]]:
+        inputs, steps, log = (
+            Inputs(block, model, self.problem.logs, self.problem.tempo),
+            self._steps,
+            self.problem.rows.log,
+        )
+        delay = inputs.delay(every)
+        if delay not in self._means:
+            self._means[delay] = inputs.means(delay, steps.t, steps.h, log)
+        parameters = {s.symbol: value for s, value in zip(block.parameters, every, strict=True)}
+        laws = [block.expand(block.derivatives[block.states[i].name]) for i in inputs.known]
+        used = sorted(set().union(*(law.free_symbols for law in laws)) & parameters.keys(), key=str)
+        key = delay, tuple(laws), tuple((s, parameters[s]) for s in used)
+        if key not in self._lagged:
+            self._lagged[key] = list(inputs.lagged(every, steps.t, steps.h, log).values())
+        return self._means[delay], dict(zip(inputs.known, self._lagged[key], strict=True))
+
+    def seen(self, e: Effect) -> Array:
+        """Return what a measurement effect adds to the channels, (K, W, C)."""
+        problem = self.problem
+        block = structure(problem.model.with_effects([e]))
+        own = {f"{problem.block.name}.{e.parameter(k)}": v for k, v in e.values.items()}
+        values = {k: {**self._values, **own}.get(k, v) for k, v in block.default_parameters.items()}
+        x = np.moveaxis(self.fit.path, 2, 0)
+        u = problem._inputs_at_rows(problem.parameters(self.fit.p))
+        after = block.to_numpy().outputs(problem.rows.time, x, u, values)
+        before = problem.block.to_numpy().outputs(problem.rows.time, x, u, self._values)
+        new = [s.name for s in block.outputs]
+        old = [s.name for s in problem.block.outputs]
+        found = np.zeros(problem.rows.values.shape)
+        for c, channel in enumerate(problem.rows.channels):
+            seen, was = new.index(shown_by(new, channel)), old.index(shown_by(old, channel))
+            found[..., c] = after[seen] - before[was]
+        return np.where(problem.seen, found, 0.0)
+
+
+def term_of(block: Block, e: Effect) -> sp.Expr:
+    """Return the term of an effect of one form in a Block that has it, per coefficient."""
+    own = block.parameter(e.parameter("value")).symbol
+    terms = sp.Add.make_args(block.expand(block.derivatives[e.equation]))
+    return sp.Add(*(sp.diff(term, own) for term in terms if own in term.free_symbols))
+
+
+@lru_cache(maxsize=256)
+def _changed(block: Block, base: Block, free: tuple[int, ...]) -> tuple[list[int], Function] | None:
+    """Return the free states of a Block whose derivatives differ from those of another, and the differences.
+
+    Parameters
+    ----------
+    block, base : Block
+    free : tuple of int
+        States of `base`.
+
+    Returns
+    -------
+    list of int
+        Indices in `free`.
+    callable
+        ``(t, x, u, p) -> tuple`` of arrays; arguments are those of `block`.
+
+    None if the derivative of a state that is not free differs too.
+    """
+    rows, wanted = [], []
+    for i, s in enumerate(base.states):
+        law, before = block.derivatives[s.name], base.derivatives[s.name]
+        if block.definitions != base.definitions:
+            law, before = block.expand(law), base.expand(before)
+        if law == before:
+            continue
+        if i not in free:
+            return None
+        rows.append(free.index(i))
+        wanted.append(law - before)
+    return rows, array_function(block, wanted)

@@ -1,0 +1,233 @@
+"""Selection of the effects that a model lacks, in five steps: score, fit, confirm, challenge, hold out.
+
+Each round scores all candidates on one table (:mod:`.score`), chooses the few best sets by their gain on
+left-out blocks (:mod:`.sets`), fits these, and goes on from the likeliest: the table is made again there.
+What was added is then confirmed (:mod:`.confirm`) and challenged (:mod:`.challenge`); :mod:`.hold_out`
+follows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+from hovercontrol.craft.effects import Effect
+from hovercontrol.identification.diagnose.criteria import CRITERIA, Criteria
+from hovercontrol.identification.diagnose.evidence.sensors import only_noise
+from hovercontrol.identification.diagnose.search.candidates import beyond, candidates
+from hovercontrol.identification.diagnose.search.challenge import challenged
+from hovercontrol.identification.diagnose.search.confirm import Selection
+from hovercontrol.identification.diagnose.search.fit import (
+    TRIALS,
+    Made,
+    Search,
+    Tried,
+    at_likeliest_time,
+    begun_again,
+    try_effect,
+    with_times,
+    without_it,
+)
+from hovercontrol.identification.diagnose.search.leads import ASKED_FOR, leads
+from hovercontrol.identification.diagnose.search.rules import among, brings_nothing, noted, passes
+from hovercontrol.identification.diagnose.search.score import Scored, Scores, at_its_time
+from hovercontrol.identification.diagnose.search.sets import singles, together
+from hovercontrol.identification.diagnose.search.trace import Decision
+from hovercontrol.identification.engine.fit import Fit
+from hovercontrol.identification.engine.subject import Subject
+
+
+@dataclass(frozen=True, eq=False)
+class Added:
+    """A set of effects added to a fit, one after the other; the last one with the fit before it."""
+
+    earlier: tuple[Tried, ...]
+    before: Fit
+    last: Tried
+    among: int = 0
+
+
+def select(
+    base: Fit,
+    model: Subject,
+    *,
+    names: Sequence[str] | None = None,
+    max_effects: int = 3,
+    criteria: Criteria = CRITERIA,
+    report: Callable[[str], None] = lambda what: None,
+    trace: list[Decision] | None = None,
+    made: Made | None = None,
+) -> Selection:
+    """Return which effects a fitted model lacks.
+
+    Parameters
+    ----------
+    base : Fit
+        Fit of the given model.
+    model : Model or BlockModel
+        The given model; the prior is centred on its coefficients.
+    names : sequence of str, optional
+        Effects to consider; default: the whole catalogue.
+    max_effects : int, optional
+    criteria : Criteria, optional
+    report : callable, optional
+        Called with a message on each trial.
+    trace : list of Decision, optional
+        Gets a row for each decision.
+    made : list, optional
+        Fits from `base` that an earlier search made; gets those that this one makes.
+    """
+    kept = [] if made is None else made
+    search = Search(model, names, criteria, report, [] if trace is None else trace, [*kept])
+    first = base
+    current, steps = base, list[tuple[str, float]]()
+    tried: dict[str, Tried] = {}
+    counts: dict[str, int] = {}
+    while True:
+        report("scoring the catalogue")
+        scores = Scores(current, candidates(current, names))
+        seen = scores.best()
+        if len(steps) >= max_effects:
+            break
+        search.trace.extend(_forbidden(seen))
+        found = _fitted(search, current, scores, max_effects - len(steps))
+        tried = {a.last.name: a.last for a in found}
+        best = _likeliest(search, found, len(seen))
+        if best is None:
+            break
+        steps += [(t.name, t.gain) for t in best.earlier]
+        counts |= {t.name: len(seen) for t in best.earlier} | {best.last.name: best.among}
+        t = at_likeliest_time(search, best.before, begun_again(search, best.before, best.last))
+        better = without_it(search, best.before, t)
+        if better is None:
+            steps.append((t.name, t.gain))
+        elif best.before is base:
+            base = better
+        current = t.fit if better is None else better
+    looked_at = len(seen) + len(steps)
+    selection = Selection(
+        base, current, tuple(n for n, _ in steps), steps=tuple(steps), among=counts, candidates=looked_at
+    )
+    if steps:
+        selection = challenged(search, selection)
+    if not only_noise(current, criteria):
+        others = Scores(current, candidates(current, beyond(current.model, names))).best()
+        rows = (Decision("score", s.candidate.name, ASKED_FOR, s.gain, passed=False) for s in others)
+        search.trace.extend(rows)
+        seen = sorted([*seen, *others], key=lambda s: -s.gain)
+    kept[:] = [one for one in search.made if one[0] is first]
+    near = leads(seen, tried, selection.effects, selection.dropped, selection.final, criteria)
+    return replace(selection, leads=near)
+
+
+def _forbidden(seen: Sequence[Scored]) -> list[Decision]:
+    """Return a row for each candidate that fits best with a sign or size that its bounds forbid."""
+    rule = "a size within its bounds"
+    return [Decision("score", s.candidate.name, rule, s.gain, passed=False) for s in seen if not s.allowed]
+
+
+def _fitted(search: Search, current: Fit, scores: Scores, most: int) -> list[Added]:
+    """Return the fits with the best effects alone and, if none of them passes, with a set that gains more.
+
+    The gain on left-out blocks is a linear prediction. An effect is fitted if it promises enough, and not
+    much less than the best one whose fit keeps its promise: a wrong scale of a motor's tachometer promised
+    415 and kept nothing, where the dead zone that was there promised 17.
+    """
+    criteria, found = search.criteria, list[Added]()
+    least, best, broken = TRIALS.promised * criteria.least, 0.0, 0
+    alone = singles(scores)
+    for one in alone:
+        s, asked = one.members[0], max(least, criteria.share * best)
+        rule, worthy = "gain on left-out blocks, at least", one.gain >= asked
+        search.trace.append(Decision("score", one.names[0], rule, one.gain, asked, worthy))
+        same = any(a.last.effect.twin(s.candidate.trial) for a in found)
+        if not worthy or same or len(found) >= criteria.tries + broken or broken > criteria.tries:
+            continue
+        added = _added_in_turn(search, current, one.members)
+        found += [added] if added else []
+        kept = added is not None and added.last.gain >= TRIALS.half * one.gain
+        broken += not kept
+        best = max(best, one.gain) if kept else best
+    looked_at = len(scores.best())
+    if not any(passes(a.last, looked_at, criteria) for a in found):
+        found += _hidden(search, current, scores, found)
+    passed = any(passes(a.last, looked_at, criteria) for a in found)
+    several = together(scores, alone, criteria, most) if best and not passed else None
+    added = _added_in_turn(search, current, several.members) if several else None
+    return [*found, *([added] if added else [])]
+
+
+def _hidden(search: Search, current: Fit, scores: Scores, found: Sequence[Added]) -> list[Added]:
+    """Return fits with drags that the table cannot show: those of the best fit's axis, and those that fade.
+
+    Near standstill a drag is far from linear in its size and speed: dry friction follows the sign of a
+    velocity. In logs of K06's reverse trial, dry friction of 0.16 N promised nothing and its fit gained
+    most; Stribeck friction in yaw promises nothing where process noise took its place.
+    """
+    problem, criteria = current.problem, search.criteria
+    driven = zip(problem.driven, criteria.left(current), strict=True)
+    axes = {problem.block.states[problem.free[i]].name for i, there in driven if there}
+    top = max(found, key=lambda a: a.last.gain).last.effect if found else None
+    done = {a.last.name for a in found}
+    fits: list[Added] = []
+    for s in scores.best():
+        e = s.candidate.trial
+        fading = e.fades() and e.axis in axes
+        if e.name in done or not (fading or (s.allowed and top is not None and top.kin(e))):
+            continue
+        t = search.once(current, _sized(problem.model, s.effect))
+        fits += [Added((), current, t)] if t else []
+    return fits
+
+
+def _sized(model: Subject, e: Effect) -> Effect:
+    """Return a drag of at least half the size of the model's own along its axis, in the same unit.
+
+    A fit from the table's size, near zero for a drag that the table cannot show, ends where it began.
+    """
+    own = [o for o in model.effects if o.kin(e) and "value" in o.numbers and "value" in e.numbers]
+    alike = [o for o in own if o.numbers["value"].unit == e.numbers["value"].unit]
+    if not alike:
+        return e
+    value = max(abs(e.values["value"]), 0.5 * max(abs(o.values["value"]) for o in alike))
+    return e.within_bounds(**{**e.values, "value": value})
+
+
+def _added_in_turn(search: Search, current: Fit, members: Sequence[Scored]) -> Added | None:
+    """Return the fit with the members of a set added one after the other, the best first."""
+    earlier: list[Tried] = []
+    before = current
+    for k, s in enumerate(members):
+        e = at_its_time(before, s) if k == 0 else s
+        t = search.once(before, e.effect, e) if k == 0 else try_effect(search, before, e.effect)
+        if t is None:
+            return None
+        if k == len(members) - 1:
+            return Added(tuple(earlier), before, t)
+        earlier.append(t)
+        before = t.fit
+    return None
+
+
+def _likeliest(search: Search, found: Sequence[Added], looked_at: int) -> Added | None:
+    """Return the likeliest of the sets whose last effect passes all tests, each fitted with its own noise.
+
+    Ties must not depend on rounding: of sets with equal cost, the one with fewer parameters is returned, then
+    the first by name.
+    """
+    criteria, penalised = search.criteria, search.criteria.penalised
+    known = [a.last for a in found if passes(a.last, looked_at, criteria)]
+    found = [replace(a, among=among(search, a.last, known, looked_at)) for a in found]
+    good = [a for a in found if noted(search, a.last, a.among)]
+    good = [a for a in good if not any(brings_nothing(a.last, o.last, criteria) for o in good)]
+    if not good:
+        return None
+    least = min(penalised(a.last.fit) for a in good)
+    for a in good:
+        rule, behind = "cost above the likeliest candidate's, less than", penalised(a.last.fit) - least
+        search.trace.append(Decision("fit", a.last.name, rule, behind, TRIALS.near, behind < TRIALS.near))
+    near = [a for a in good if penalised(a.last.fit) < least + TRIALS.near]
+    near = [replace(a, last=with_times(search, a.last)) for a in near]
+    least = min(penalised(a.last.fit) for a in near)
+    level = [a for a in near if penalised(a.last.fit) < least + TRIALS.level]
+    return min(level, key=lambda a: (len(a.last.fit.p), a.last.name))

@@ -1,0 +1,36 @@
+"""The verdict of a diagnosis, from the effects selected and the remainders."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal
+
+from hovercontrol.identification.diagnose.evidence.remainder import Remainder
+from hovercontrol.identification.diagnose.evidence.sensors import SlowError
+from hovercontrol.identification.diagnose.search.confirm import Selection
+
+Verdict = Literal["effect", "none", "ambiguous", "partial", "unexplained"]
+
+
+def verdict_of(selection: Selection, remainders: Sequence[Remainder | SlowError]) -> Verdict:
+    """Return the verdict on a selection; see :func:`verdict`."""
+    rivals = any(not r.same for r in selection.rivals)
+    return verdict(bool(selection.effects), rivals, any(r.there for r in remainders))
+
+
+def verdict(named: bool, rivals: bool, remains: bool) -> Verdict:
+    """Return the verdict. A remainder does not withdraw a named effect.
+
+    =========== =================================================================================
+    none        no effect is missing
+    effect      effects are named, and only noise remains
+    partial     effects are named, and a remainder is left that no known effect explains
+    ambiguous   one of several effects is missing; the logs do not distinguish them
+    unexplained something is missing, but no effect can be named
+    =========== =================================================================================
+    """
+    if rivals:
+        return "ambiguous"
+    if named:
+        return "partial" if remains else "effect"
+    return "unexplained" if remains else "none"

@@ -1,1 +1,0 @@
-"""Files written atomically, TOML tables, JSON, and models from a user's Python file."""

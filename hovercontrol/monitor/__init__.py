@@ -1,5 +1,0 @@
-"""A monitor that runs beside a craft and says what has changed."""
-
-from hovercontrol.monitor.monitor import monitor
-
-__all__ = ["monitor"]

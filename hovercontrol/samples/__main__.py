@@ -1,7 +1,0 @@
-"""Write the sample log that the package ships."""
-
-from hovercontrol.samples import make_sample, sample_path
-
-if __name__ == "__main__":
-    make_sample().save(sample_path())
-    print(f"wrote {sample_path()}")
