@@ -20,7 +20,7 @@ __all__ = ["progress_bar"]
 class Report(Protocol):
     """The function that long work calls to report its progress and current step."""
 
-    def __call__(self, done: float, what: str = "", /) -> None: ...  # noqa: D102
+    def __call__(self, done: float, what: str = "", /) -> None: ...
 
 
 @checked

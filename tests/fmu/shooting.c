@@ -40,7 +40,7 @@ int main(int argc, char **argv)
         p[i] = atof(argv[3 + i]);
         of_parameter[i] = i < 2 ? states : -1;
     }
-    const hc_shoot shoot = {states, inputs, parameters, 1, columns, WINDOWS, ROWS, PIECES, &known, time, step, u, values,
+    const hc_shoot shoot = {states, inputs, parameters, 1, columns, 0, WINDOWS, ROWS, PIECES, &known, time, step, u, values,
                             p, x, slopes, of_state, of_parameter};
     if (!hc_model_lanes) /* vectors gain nothing here */
         return 0;

@@ -118,23 +118,33 @@ def candidates(fit: Fit, names: Sequence[str] | None = None) -> list[Candidate]:
     found = []
     for cls in catalogue(fit.problem.model, names):
         amplitudes = tuple(k for k, n in cls.numbers.items() if not math.isnan(n.neutral))
-        grid = []
-        for key, number in cls.numbers.items():
-            slow = fit.problem.tempo ** _seconds(fit, cls, number.unit)
-            if isinstance(number, Shape) and number.search:
-                scale = _scale(fit, cls, number.of, scales) if number.of else slow
-                grid.append([(key, part * scale) for part in number.search])
-            elif isinstance(number, Shape):
-                default = slow * (number.default if number.default is not None else 0.01)
-                is_width = cls.parameter(key) == cls.friction_width()
-                grid.append([(key, _width(fit, cls, default) if is_width else default)])
-            else:
-                grid.append([(key, number.neutral + CANDIDATES.trial)])
+        # Usual numbers are those of crafts; the machine may also be as fast or slow as its rows.
+        paces = dict.fromkeys((fit.problem.tempo, 1.0))
+        every = (dict(v) for pace in paces for v in itertools.product(*_grid(fit, cls, scales, pace)))
         # for a state that hardly moves, all trial values may lie at one bound
-        trials = list(dict.fromkeys(cls.within_bounds(**dict(v)) for v in itertools.product(*grid)))
+        trials = list(dict.fromkeys(cls.within_bounds(**v) for v in every))
         if not _fault(fit.problem.model, trials[0]):
             found += [Candidate(cls.name, trial, amplitudes) for trial in trials]
     return found
+
+
+def _grid(
+    fit: Fit, cls: type[Effect], scales: Mapping[str, float], pace: float
+) -> list[list[tuple[str, float]]]:
+    """Return the values of each number of an effect that are tried, for times `pace` times the usual ones."""
+    grid = []
+    for key, number in cls.numbers.items():
+        slow = pace ** _seconds(fit, cls, number.unit)
+        if isinstance(number, Shape) and number.search:
+            scale = _scale(fit, cls, number.of, scales) if number.of else slow
+            grid.append([(key, part * scale) for part in number.search])
+        elif isinstance(number, Shape):
+            default = slow * (number.default if number.default is not None else 0.01)
+            is_width = cls.parameter(key) == cls.friction_width()
+            grid.append([(key, _width(fit, cls, default) if is_width else default)])
+        else:
+            grid.append([(key, number.neutral + CANDIDATES.trial)])
+    return grid
 
 
 def left_out(model: Subject, names: Sequence[str] | None = None) -> list[str]:
