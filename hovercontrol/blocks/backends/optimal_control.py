@@ -114,21 +114,29 @@ def solve_ocp(
     >>> found.inputs.round(3).tolist(), found.problem.system_simulations <= 20
     ([-0.621, -0.276, 0.0], True)
     """
-    problem = GradientProblem(
-        system,
-        np.asarray(timepts, dtype=float),
-        integral_cost,
-        trajectory_constraints=_listed("trajectory_constraints", trajectory_constraints),
-        terminal_cost=terminal_cost,
-        terminal_constraints=_listed("terminal_constraints", terminal_constraints),
-        initial_guess=initial_guess,
-        basis=basis,
-        **options,
-    )
+    try:
+        problem = GradientProblem(
+            system,
+            np.asarray(timepts, dtype=float),
+            integral_cost,
+            trajectory_constraints=_listed("trajectory_constraints", trajectory_constraints),
+            terminal_cost=terminal_cost,
+            terminal_constraints=_listed("terminal_constraints", terminal_constraints),
+            initial_guess=initial_guess,
+            basis=basis,
+            **options,
+        )
+    except ValueError as error:
+        if initial_guess is None:
+            raise
+        raise InputError(f"solve_ocp: initial_guess: {str(error).splitlines()[0]}") from None
     start = np.asarray(initial_state, dtype=float)
     if start.shape != (system.nstates,):
         n = system.nstates
         raise InputError(f"solve_ocp: initial_state: expected {n} values, found shape {start.shape}")
+    for name, cost in (("integral_cost", integral_cost), ("terminal_cost", terminal_cost)):
+        if cost is not None:
+            _refuse_no_cost(name, cost, start, np.zeros(system.ninputs))
     options = {
         "squeeze": squeeze, "transpose": transpose, "return_states": return_states, "print_summary": False,
     }  # fmt: skip
@@ -149,6 +157,17 @@ def solve_ocp(
         problem._print_statistics()
         print("* Final cost:", found.cost)
     return found
+
+
+def _refuse_no_cost(name: str, cost: Cost, x: Array, u: Array) -> None:
+    """Raise if a cost is not a function of x and u that returns a number."""
+    wanted = f"solve_ocp: {name}: expected a function of x and u that returns a number"
+    try:
+        found = cost(x, u)
+    except Exception as error:
+        raise InputError(f"{wanted}, found {shown(cost)}: {type(error).__name__}: {error}") from error
+    if np.size(found) != 1 or not np.isrealobj(found) or np.asarray(found).dtype.kind not in "fiub":
+        raise InputError(f"{wanted}, found {shown(found)}")
 
 
 def _listed(name: str, given: Constraint | Sequence[Constraint] | None) -> list[Constraint]:
