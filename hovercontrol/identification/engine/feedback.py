@@ -17,8 +17,9 @@ from hovercontrol.identification.engine.noise import augment
 
 Array = NDArray[np.float64]
 
-#: Number of rows before each that predict an input.
-LAGS = 10
+#: Number of innovations up to each row that predict an input, less one; number of its own values before. With
+#: few of these, innovations of an incomplete model would tell of the input what its older values tell.
+LAGS, PAST = 10, 40
 
 
 def fed_back(fit: Fit, level: float) -> bool:
@@ -63,8 +64,8 @@ def _piece(fit: Fit, white: Array, number: int) -> tuple[Array, Array]:
 
 
 def _lagged(u: Array, e: Array) -> tuple[Array, Array, Array]:
-    """Return an input from row LAGS on, (n, 1), 1 and its past values, and the innovations up to each row."""
-    n = max(len(u) - LAGS, 0)
-    back = [u[LAGS - k : LAGS - k + n] for k in range(1, LAGS + 1)]
-    errors = [e[LAGS - k : LAGS - k + n] for k in range(LAGS + 1)]
-    return u[LAGS:, None][:n], np.stack([np.ones(n), *back], axis=1), np.concatenate(errors, axis=1)
+    """Return an input from row PAST on, (n, 1), 1 and its past values, and the innovations up to each row."""
+    n = max(len(u) - PAST, 0)
+    back = [u[PAST - k : PAST - k + n] for k in range(1, PAST + 1)]
+    errors = [e[PAST - k : PAST - k + n] for k in range(LAGS + 1)]
+    return u[PAST:, None][:n], np.stack([np.ones(n), *back], axis=1), np.concatenate(errors, axis=1)

@@ -20,6 +20,7 @@ from hovercontrol.identification.diagnose.search.base import base_fit
 from hovercontrol.identification.engine.data import gather
 from hovercontrol.identification.engine.fit import Fit
 from hovercontrol.identification.engine.measure import MOST_ROWS
+from hovercontrol.identification.engine.noise import averaged
 from hovercontrol.identification.identify.fit import identify, measure_shared
 from hovercontrol.identification.monitor.candidates import Craft
 from hovercontrol.logs.log import Log
@@ -78,7 +79,9 @@ def noise_of(fit: Fit, channels: Sequence[str]) -> NoiseLevels:
     lacking = [c for c in channels if c not in measured]
     if lacking:
         raise InputError(f"monitor: the log for the noise has no samples of {', '.join(lacking)}")
-    shares = (fit.noise.process / fit.problem.accelerations).tolist()
+    problem = fit.problem  # accelerations are seen from row to row
+    rowwise = fit.noise.process if problem.period else averaged(fit.noise, problem.shortest)
+    shares = (rowwise / problem.accelerations).tolist()
     return NoiseLevels(
         dict(zip(fit.noise.driven, sizes, strict=True)),
         {c: float(measured[c]) for c in channels},
