@@ -76,7 +76,7 @@ _OTHER_LOGS = (
     "Dots may be written for slashes: `ATT.Yaw`.",
     "Elements that messages name are columns by their names, `/joint_states/position[rudder]`. Transforms are a table for each child frame, `/tf[base_link]/transform.translation.x`.",
     "## Conventions of the formats",
-    "What a source means by its columns, and how it is read. The package's own frame is z up: psi turns from x to y, v is positive to the left. Each row is tested.",
+    "What a source means by its columns, and how it is read. The package's own frame is z up: psi turns from x to y, v is positive to the left. Tests of the readers follow these conventions; no test goes through the table row by row.",
     table(("source", "position", "heading", "velocities", "read with", "where it is defined"), _CONVENTIONS),
     "`check` compares heading with course, yaw rate with the rate of the heading, velocities with the rate of the position, and the tilt of a body with its heading, and tells a contradiction with its likely cause.",
     "## Time and heading",
