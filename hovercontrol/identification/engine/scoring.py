@@ -29,7 +29,7 @@ PART, LARGEST, OF_LEVELS = 1e-3, 1e-2, 1e-3
 #: Largest information of the likelihood in any direction of the unknowns, relative to that with the gains of
 #: the filter known. What is not known of the states takes information away (Orchard and Woodbury, Proc. 6th
 #: Berkeley Symp. 1 (1972)). It is at most 1.04 at an optimum for models that are linear within the errors
-#: of the states, and 1.5 on the way there, but 4 to 200 with dry friction of which logs hardly tell. The value
+#: of the states, and 1.5 on the way there, but 4 to 200 with dry friction of which logs hardly tell. It
 #: was chosen on the ships of benchmarks/own_machines.py, whose figures of ships are therefore no test of it.
 EXCESS = 3.0
 
