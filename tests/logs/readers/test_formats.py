@@ -131,27 +131,6 @@ def test_a_library_that_is_missing_is_said_how_to_install(tmp_path: Path, monkey
         read_log(tmp_path / "a.ulg")
 
 
-@pytest.mark.parametrize("name", FORMATS)
-def test_a_damaged_file_ends_in_one_line(tmp_path: Path, name: str, capfd) -> None:
-    file, columns = made(name, tmp_path)
-    target = next(f for f in file.iterdir() if f.suffix != ".yaml") if file.is_dir() else file
-    sound = target.read_bytes()
-    rng = np.random.default_rng(0)
-    for k in range(24):
-        cut = int(rng.integers(0, len(sound)))
-        damage = bytearray(sound)
-        if k % 2:
-            del damage[cut:]
-        else:
-            damage[cut : cut + 16] = rng.bytes(len(damage[cut : cut + 16]))
-        target.write_bytes(damage)
-        try:
-            read_log(file, pairs(columns), ["thrust"])
-        except InputError as error:
-            assert "\n" not in str(error) and str(tmp_path) in str(error)
-    assert capfd.readouterr() == ("", "")
-
-
 @pytest.mark.parametrize("suffix", ["bag", "mcap", "db3", "ulg", "bin", "mat", "mf4", "mdf", "pq", "csv"])
 @pytest.mark.parametrize(
     "content", [b"", b"time,u,v,r\n0,1,2,3\n", bytes(range(256)) * 20, b"\xa3\x95\x80" * 99]

@@ -162,11 +162,15 @@ def test_can_frames_are_decoded_by_a_database_beside_them(tmp_path: Path, suffix
     if suffix == "blf":
         one = read_log(file, {"a": "Mux/A"})["a"]
         assert one == pytest.approx(np.where(np.arange(150) % 2, np.nan, np.arange(150)), nan_ok=True)
-        (tmp_path / "other.dbc").write_text(DBC)
-        with pytest.raises(
-            InputError, match=r"database beside the file, a\.dbc, found boat\.dbc, other\.dbc"
-        ):
-            read_log(file, pairs(columns))
+
+
+def test_one_of_several_databases_is_not_guessed(tmp_path: Path) -> None:
+    pytest.importorskip("cantools")
+    for name in ("boat.dbc", "other.dbc"):
+        (tmp_path / name).write_text(DBC)
+    (tmp_path / "a.log").write_text("(1.0) can0 064#0000000000000000\n")
+    with pytest.raises(InputError, match=r"database beside the file, a\.dbc, found boat\.dbc, other\.dbc"):
+        read_log(tmp_path / "a.log", {"u": "Motion/Speed"})
 
 
 def test_nmea(tmp_path: Path) -> None:
