@@ -132,6 +132,7 @@ def _as_json(study: Study) -> dict[str, Any]:
             for c in found.coefficients
         ],
         **others(found.groups, found.kept),
+        "forces": [{k: getattr(f, k) for k in ("name", "value", "std", "unit")} for f in found.forces()],
         "remaining": [{**vars(r), "share": r.share} for r in found.remaining],
         "noise": found.residual,
         "units": found.units,

@@ -7,6 +7,8 @@ from hovercontrol.base.boundary import checked
 from hovercontrol.craft.effects import Effect, effect_class, effect_names
 from hovercontrol.craft.effects.fan_classes import ENDINGS, fan_effects
 
+POSITIVE = {"exclusiveMinimum": 0, **NUMBER}
+
 
 @checked
 def model_schema() -> Schema:
@@ -18,7 +20,10 @@ def model_schema() -> Schema:
     ['effects', 'fans', 'inputs', 'plant']
     """
     sections = {
-        "plant": table({"name": TEXT, "limited": {"type": "boolean"}}, description="the craft"),
+        "plant": table(
+            {"name": TEXT, "limited": {"type": "boolean"}, "mass": POSITIVE, "inertia": POSITIVE},
+            description="the craft; with its mass [kg] and inertia [kg m^2], forces in N",
+        ),
         "inputs": table(
             {"thrust": _input(), "rudder": _input()}, description="commands that differ from the default"
         ),
@@ -76,7 +81,7 @@ def _fan() -> Schema:
             "curve": {"anyOf": [array(NUMBER, 1), points]},
             "gain": NUMBER,
             "reverses": {"type": "boolean"},
-            "upper": {"exclusiveMinimum": 0, **NUMBER},
+            "upper": POSITIVE,
         },
         ("x", "y", "direction"),
     )

@@ -168,6 +168,10 @@ class EffectModel(ABC):
         left = tuple(e for e in self.effects if e.name not in names)
         return cast(Self, replace(cast(Any, self), effects=left))
 
+    def force_scales(self) -> dict[str, tuple[float, str]]:
+        """Return, by coefficient, the mass or inertia that turns it into a force, and the force's unit."""
+        return {}
+
     def coefficient_name(self, name: str) -> str:
         """Return the name of a coefficient, given with or without the plant's name in front."""
         return name.rpartition(".")[2]

@@ -17,9 +17,12 @@ from numpy.typing import ArrayLike
 
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError
+from hovercontrol.base.tables import positive
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.signals import Signal
+from hovercontrol.blocks.units import UnitError
 from hovercontrol.craft.effects import Effect, effect_class, effect_names
+from hovercontrol.craft.effects.base import resolved_unit
 from hovercontrol.craft.effects.fan_classes import fan_effects
 from hovercontrol.craft.models.actuated import saturated
 from hovercontrol.craft.models.base import EffectModel, as_measured, delays_of, effect_lines, rate_limit
@@ -32,6 +35,7 @@ from hovercontrol.craft.models.effect_equations import (
 from hovercontrol.craft.models.fans import Fan as Fan
 from hovercontrol.craft.models.fans import fans_alike
 from hovercontrol.craft.models.motion import MOTION, RUDDER, THRUST, craft_units, motion_symbols
+from hovercontrol.craft.models.physical import BODY, carried_by, coefficient_of, force_unit
 
 
 @checked
@@ -51,11 +55,16 @@ class Model(EffectModel):
         The fans of a fan craft.
     limited : bool, optional
         Whether the plant's commands saturate at their bounds, before any effect acts on them.
+    mass : float, optional
+        m [kg]. With it, forces may be given in newton and are shown in newton, too.
+    inertia : float, optional
+        J about the vertical axis [kg m^2]; the same for torques.
 
     Raises
     ------
     InputError
-        If an effect is listed twice, or an effect needs fans and there are none.
+        If an effect is listed twice, an effect needs fans and there are none, or mass or inertia is not
+        positive.
 
     Examples
     --------
@@ -73,16 +82,22 @@ class Model(EffectModel):
     rudder: Signal = RUDDER
     fans: tuple[Fan, ...] = field(default=())
     limited: bool = False
+    mass: float | None = None
+    inertia: float | None = None
 
     def __repr__(self) -> str:
         fans = [f"{len(self.fans)} fans"] if self.fans else []
-        head = ", ".join([f"Model {self.name!r}: {len(self.effects)} effects", *fans])
+        body = [f"{part} {size:g} {BODY[part][0]}" for part, size in self.body.items() if size is not None]
+        head = ", ".join([f"Model {self.name!r}: {len(self.effects)} effects", *fans, *body])
         return "\n".join([head, *effect_lines(self.effects)])
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "effects", tuple(self.effects))
         object.__setattr__(self, "fans", tuple(self.fans))
         self._refuse_twice()
+        for part, size in self.body.items():
+            if size is not None:
+                object.__setattr__(self, part, positive(f"model {self.name!r}: {part}", size))
         names = [e.name for e in self.effects]
         inputs = [THRUST.name, RUDDER.name, *(f.name for f in self.fans)]
         for name in inputs:
@@ -99,6 +114,11 @@ class Model(EffectModel):
                 raise InputError(
                     f"model {self.name!r}: the effects {e.instead_of!r} and {e.name!r} are the same: keep one"
                 )
+
+    @property
+    def body(self) -> dict[str, float | None]:
+        """Mass [kg] and inertia [kg m^2], each None where it is not given."""
+        return {"mass": self.mass, "inertia": self.inertia}
 
     @property
     def motion(self) -> tuple[str, ...]:
@@ -201,6 +221,58 @@ class Model(EffectModel):
             f if f.gain is None else replace(f, gain=values.get(f"{f.name}_gain", f.gain)) for f in self.fans
         )
         return replace(self, effects=self._renumbered_effects(values), fans=tuple(fans))
+
+    @checked
+    def with_forces(self, values: Mapping[str, tuple[float, str]]) -> Model:
+        """Return the model with effects whose coefficients are given with their units, newtons for instance.
+
+        The coefficient is the force divided by the mass, the torque divided by the inertia [C17 eq 9, 10].
+
+        Parameters
+        ----------
+        values : mapping of str to (float, str)
+            By effect: value and unit.
+
+        Raises
+        ------
+        InputError
+            If an effect is unknown, or a unit is one of a force and the model has no mass.
+
+        Examples
+        --------
+        >>> boat = Model("boat", mass=4.0).with_forces({"surge_linear_drag": (1.2, "N*s/m")})
+        >>> boat.coefficients(), boat.forces()
+        ({'surge_linear_drag': 0.3}, {'surge_linear_drag': (1.2, 'N*s/m')})
+        """
+        return self.with_effects(self._given(name, *value) for name, value in values.items())
+
+    def _given(self, name: str, value: float, unit: str) -> Effect:
+        cls = self.effect_class(name)
+        if "value" not in cls.numbers:
+            raise InputError(f"effect {name}: has no coefficient, its numbers are {', '.join(cls.numbers)}")
+        wanted = resolved_unit(cls.numbers["value"].unit, self.units_seen_by(cls))
+        try:
+            return cls(coefficient_of(cls, value, unit, wanted, self.body))
+        except UnitError as error:
+            raise UnitError(f"effect {name}: {error}") from None
+
+    def force_scales(self) -> dict[str, tuple[float, str]]:
+        """Return what turns each coefficient into a force: the mass or the inertia, and the force's unit.
+
+        Effects that are no forces, and those whose mass or inertia is not given, are left out.
+        """
+        found = {}
+        for cls in (type(e) for e in self.effects):
+            size = self.body.get(carried_by(cls))
+            if size is not None:
+                unit = resolved_unit(cls.numbers["value"].unit, self.units_seen_by(cls))
+                found[cls.name] = size, force_unit(carried_by(cls), unit)
+        return found
+
+    def forces(self) -> dict[str, tuple[float, str]]:
+        """Return coefficients times mass or inertia, with their units, as :meth:`with_forces` takes them."""
+        known = self.coefficients()
+        return {name: (size * known[name], unit) for name, (size, unit) in self.force_scales().items()}
 
     def input_units(self) -> dict[str, str]:
         """Return the unit of each command."""

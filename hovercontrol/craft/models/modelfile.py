@@ -5,6 +5,8 @@
     [plant]
     name = "hovercraft"
     limited = true          # optional: commands saturate at their bounds in every simulation and FMU
+    mass = 3.2              # optional [kg]: forces may be in newton and are shown in newton, too
+    inertia = 0.05          # optional [kg m^2]: the same for torques; fans then push by 1/mass and 1/inertia
 
     [inputs]                # optional: where a command's unit or bounds differ from the default
     thrust = {unit = "A", lower = 0.0, upper = 6.1}
@@ -12,6 +14,7 @@
     [effects]
     yaw_coulomb = 0.83
     yaw_linear_drag = {value = 27.5, unit = "deg/s^2/(rad/s)"}   # any compatible unit
+    sway_linear_drag = {value = 1.2, unit = "N*s/m"}             # with a mass: a force
     surge_coulomb = {value = 1.35, width = 0.02}                 # an effect with shape parameters
 
     [fans]                  # optional: a fan craft, place in metres from the centre of mass, direction in rad
@@ -34,14 +37,15 @@ from typing import Any
 from hovercontrol.base.boundary import as_user, checked
 from hovercontrol.base.errors import InputError, shown
 from hovercontrol.base.files import write_atomically
-from hovercontrol.base.tables import check_keys, number, read_toml, table, text
+from hovercontrol.base.tables import check_keys, number, positive, read_toml, table, text
 from hovercontrol.blocks.signals import Signal
-from hovercontrol.blocks.units import UnitError, conversion_factor
-from hovercontrol.craft.effects import Effect
+from hovercontrol.blocks.units import UnitError
+from hovercontrol.craft.effects import Effect, effect
 from hovercontrol.craft.effects.base import resolved_unit
 from hovercontrol.craft.models.fans import BenchCurve, Fan, Polynomial
 from hovercontrol.craft.models.model import Model
 from hovercontrol.craft.models.motion import RUDDER, THRUST
+from hovercontrol.craft.models.physical import BODY, coefficient_of
 
 
 @checked
@@ -82,7 +86,7 @@ def model_from_table(content: Mapping[str, Any]) -> Model:
     """Return the model of a parsed model file (see :func:`load_model`)."""
     check_keys("section", content, ("plant", "inputs", "effects", "fans"))
     plant = table("[plant]", content.get("plant", {}))
-    check_keys("key in [plant]", plant, ("name", "limited"))
+    check_keys("key in [plant]", plant, ("name", "limited", *BODY))
     limited = plant.get("limited", False)
     if not isinstance(limited, bool):
         raise InputError(f"plant.limited: expected true or false, found {shown(limited)}")
@@ -98,8 +102,13 @@ def model_from_table(content: Mapping[str, Any]) -> Model:
         rudder=signals["rudder"],
         fans=tuple(_fan(key, value) for key, value in fans.items()),
         limited=limited,
+        mass=_body(plant, "mass"),
+        inertia=_body(plant, "inertia"),
     )
-    return replace(craft, effects=tuple(_effect(craft, key, value, units) for key, value in effects.items()))
+    listed = tuple(_effect(craft, key, value, units) for key, value in effects.items())
+    pushes = {"fan_force": craft.mass, "fan_torque": craft.inertia} if fans else {}
+    driven = tuple(effect(e, 1 / size) for e, size in pushes.items() if size and e not in effects)
+    return replace(craft, effects=listed + driven)
 
 
 @checked
@@ -140,7 +149,8 @@ def model_text(model: Model) -> str:
     [effects]
     yaw_linear_drag = 0.5
     """
-    lines = ["[plant]", f"name = {_quoted(model.name)}", *["limited = true"] * model.limited, ""]
+    lines = ["[plant]", f"name = {_quoted(model.name)}", *["limited = true"] * model.limited]
+    lines += [*(f"{part} = {size!r}" for part, size in model.body.items() if size is not None), ""]
     changed = [(s, d) for s, d in ((model.thrust, THRUST), (model.rudder, RUDDER)) if s != d]
     if changed:
         lines += ["[inputs]", *(f"{s.name} = {_input_text(s, d)}" for s, d in changed), ""]
@@ -207,6 +217,10 @@ def _input(default: Signal, value: Any) -> Signal:
         raise InputError(f"inputs.{default.name}: {error}") from None
 
 
+def _body(plant: Mapping[str, Any], part: str) -> float | None:
+    return positive(f"plant.{part}", plant[part]) if part in plant else None
+
+
 def _fan(name: str, value: Any) -> Fan:
     given = table(f"fans.{name}", value)
     check_keys(f"key in fans.{name}", given, ("x", "y", "direction", "curve", "gain", "reverses", "upper"))
@@ -238,6 +252,8 @@ def _curve(fan: str, value: Any) -> Polynomial | BenchCurve:
 
 
 def _effect(craft: Model, name: str, value: Any, units: Mapping[str, str]) -> Effect:
+    if name in BODY:
+        raise InputError(f"effects.{name}: {name} is a key of [plant], {name} = ... [{BODY[name][0]}]")
     try:
         cls = craft.effect_class(name)
     except InputError as error:
@@ -254,8 +270,9 @@ def _effect(craft: Model, name: str, value: Any, units: Mapping[str, str]) -> Ef
         if "value" not in cls.numbers or "value" not in numbers:
             raise InputError(f"effects.{name}: a unit needs a value")
         wanted = resolved_unit(cls.numbers["value"].unit, units)
+        given_in = text(f"effects.{name}.unit", unit)
         try:
-            numbers["value"] *= conversion_factor(text(f"effects.{name}.unit", unit), wanted)
-        except InputError:
-            raise UnitError(f"effects.{name}: unit must be like {wanted!r}, found {shown(unit)}") from None
+            numbers["value"] = coefficient_of(cls, numbers["value"], given_in, wanted, craft.body)
+        except UnitError as error:
+            raise UnitError(f"effects.{name}: {error}") from None
     return cls(**numbers)

@@ -54,6 +54,8 @@ class Found:
     place : str
         Where in the loop: ``"force in u' v'"``, ``"actuator of thrust"``, ``"command of u"``,
         ``"sensor of r"``, ``"clock of the log"``.
+    body, force_unit : float, str
+        The model's mass or inertia, if it turns the value into a force, and the unit of that; else 0, "".
 
     Examples
     --------
@@ -68,6 +70,8 @@ class Found:
     std: float
     unit: str
     place: str = ""
+    body: float = 0.0
+    force_unit: str = ""
 
     __repr__ = short_repr
 
@@ -378,6 +382,7 @@ def _finite(value: Any) -> Any:
 def numbers_of(fit: Fit, names: Sequence[str]) -> tuple[Found, ...]:
     """Return the parameters of effects of a fitted model."""
     problem, C = fit.problem, fit.covariance
+    forces = problem.model.force_scales()
     found = []
     for name in names:
         e = problem.model.effect(name)
@@ -389,5 +394,6 @@ def numbers_of(fit: Fit, names: Sequence[str]) -> tuple[Found, ...]:
             unit = problem.block.parameter(parameter).unit
             std = math.sqrt(max(C[j, j], 0.0))
             where = acts_in(fit, name), place_of(problem.model, e)
-            found.append(Found(name, parameter, where[0], float(fit.p[j]), std, unit, where[1]))
+            force = forces.get(parameter, (0.0, ""))
+            found.append(Found(name, parameter, where[0], float(fit.p[j]), std, unit, where[1], *force))
     return tuple(found)

@@ -153,12 +153,16 @@ def identified_html(found: Identified) -> str:
     rows += [(g.name, g.value, f"± {g.std:.2g}", g.unit, g.start, "") for g in found.groups]
     rows += [(c.name, c.value, "kept", c.unit, c.start, c.kept) for c in found.kept]
     left = [(r.equation, r.rms, r.seen, r.unit, percent(r.share)) for r in found.remaining]
+    forces = [
+        (f.name, f.value, f"± {f.std:.2g}", f.unit, f.start) for f in (*found.forces(), *found.bodies())
+    ]
     used = f"{found.rows} of {found.rows_total} rows of {', '.join(found.logs)}"
     return card(
         "Identified",
         found.model.name,
         "; ".join(filter(None, (used, found.not_converged))),
         table(("coefficient", "value", "std. error", "unit", "before", "remark"), rows),
+        table(("with the given mass", "value", "std. error", "unit", "before"), forces),
         table(("equation", "remains", "seen", "unit", "share"), left, "what no equation says"),
         lines(found.misfit),
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -23,6 +23,7 @@ from hovercontrol.blocks.block import Block
 from hovercontrol.craft.effects import Effect
 from hovercontrol.craft.models.blockmodel import BlockModel
 from hovercontrol.craft.models.model import Model
+from hovercontrol.craft.models.physical import BODY, carried_by
 from hovercontrol.identification.engine.fit import Fit
 
 if TYPE_CHECKING:
@@ -322,6 +323,42 @@ class Identified:
         best = min(self.ahead.values(), default=1.0)
         return self.ahead.get(remaining.state, best)
 
+    def forces(self) -> tuple[Fitted, ...]:
+        """Return the fitted coefficients in newtons, for the model's mass and inertia; none without them."""
+        scales = self.model.force_scales()
+        return tuple(
+            replace(f, value=size * f.value, std=size * f.std, start=size * f.start, unit=unit)
+            for f in self.coefficients
+            for size, unit in [scales.get(f.name, (0.0, ""))]
+            if unit
+        )
+
+    def bodies(self) -> tuple[Fitted, ...]:
+        """Return mass and inertia as the logs determine them: where a command is itself the force.
+
+        There the coefficient is 1/m or 1/J, and m = 1/c has the standard error of c over c^2.
+        """
+        found = []
+        for f in self.forces():
+            c = self[f.name]
+            if f.unit == "1" and c.excited and c.value > 0 and math.isfinite(c.std):
+                part = carried_by(self.model.effect_class(f.name))
+                size, _ = self.model.force_scales()[f.name]
+                found.append(Fitted(part, 1 / c.value, c.std / c.value**2, BODY[part][0], size))
+        return tuple(found)
+
+    def _in_newtons(self) -> list[str]:
+        """Return the lines of the table on forces."""
+        rows = [(f.name, f"{f.value:.4g}", f"{f.std:.2g}", f.unit) for f in self.forces()]
+        if not rows or not isinstance(self.model, Model):
+            return []
+        given = " and ".join(f"{p} {v:g} {BODY[p][0]}" for p, v in self.model.body.items() if v is not None)
+        seen = [f"{b.name} {b.value:.4g} ± {b.std:.2g} {b.unit}" for b in self.bodies()]
+        said = "a log alone determines forces up to a common factor: twice the mass, twice the forces"
+        if seen:
+            said = f"if the commands are exact forces, the logs determine {' and '.join(seen)}"
+        return ["", *aligned([(f"with {given} as given", "value", "std", "unit"), *rows]), said]
+
     def rows_of_table(self) -> list[tuple[str, str, str, str, str]]:
         """Return name, value, standard error, unit and remark of each coefficient and group, as text."""
         table = []
@@ -342,6 +379,7 @@ class Identified:
         equations = [
             (r.equation, f"{r.rms:.3g}", f"{r.seen:.3g}", r.unit, percent(r.share)) for r in self.remaining
         ]
+        lines += self._in_newtons()
         lines += ["", *aligned([("channel", "residual", "noise", "unit"), *channels])]
         if equations:
             lines += ["", *aligned([("equation", "remains", "seen", "unit", "share"), *equations])]

@@ -135,7 +135,7 @@ def test_a_commands_lower_limit_may_lie_above_zero():
             "[effects]\nyaw_coulomb = {value = 1, unit = 'furlongs'}\n",
             "effects.yaw_coulomb: unit .*furlongs",
         ),
-        ("[effects]\nyaw_coulomb = {value = 1, unit = 3}\n", "effects.yaw_coulomb: unit"),
+        ("[effects]\nyaw_coulomb = {value = 1, unit = 3}\n", "effects.yaw_coulomb.unit must be text"),
         ("[effects]\nyaw_coulomb = {unit = 'rad/s^2'}\n", "a unit needs a value"),
         ("[effects]\nfan_force = 1.0\n", "needs fans"),
         ("effects = 3\n", r"\[effects\] must be a table"),

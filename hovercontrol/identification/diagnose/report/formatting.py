@@ -91,8 +91,10 @@ def minus(text: str) -> str:
 
 
 def number_of(found: Found) -> str:
-    """Return a parameter of an effect with its standard error and unit."""
-    return f"{plus_minus(found.value, found.std)} {unit(found.unit)}".strip()
+    """Return a parameter of an effect with its standard error and unit, for a known mass also as a force."""
+    said = f"{plus_minus(found.value, found.std)} {unit(found.unit)}".strip()
+    force = f"{plus_minus(found.body * found.value, found.body * found.std)} {unit(found.force_unit)}".strip()
+    return f"{said} ({force})" if found.force_unit else said
 
 
 def rounded(value: float) -> str:
