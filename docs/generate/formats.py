@@ -36,19 +36,28 @@ ABOUT = {
 }
 
 
-#: Frames, axes and units by source: position, heading, velocities, options, definition.
-_CONVENTIONS = [
-    ("ROS `nav_msgs/Odometry`", "x, y of `header.frame_id`, z up", "quaternion x, y, z, w", "`twist` along the body: forward, left", "as it is", "REP 103, REP 105"),
-    ("ROS `tf2_msgs/TFMessage`", "of the child in its parent", "quaternion x, y, z, w", "none", "`/tf[base_link]/...`", "tf2"),
-    ("PX4 `vehicle_local_position`, `vehicle_attitude`", "x north, y east", "clockwise from north; quaternion w first, `q[1],q[2],q[3],q[0]`", "vx, vy along north and east: no u, v", "`--frame ned`", "PX4 1.15, message definitions"),
-    ("ArduPilot `POS`, `ATT`, `IMU`", "PN north, PE east", "Yaw, clockwise from north, deg", "VN, VE along north and east; GyrZ clockwise", "`--frame ned`", "ArduPilot 4.5, log messages"),
-    ("MAVLink `LOCAL_POSITION_NED`, `ATTITUDE`", "x north, y east", "yaw, clockwise from north, rad", "vx, vy along north and east; yawspeed clockwise", "`--frame ned`", "MAVLink 2, common.xml"),
-    ("NMEA 0183", "`x=RMC/lat,RMC/lon:north`, `y=...:east`", "HDT, THS: clockwise from true north, deg", "speed and course over ground; a course is no heading", "`--frame ned`", "IEC 61162-1"),
-    ("GPX", "`x=lat,lon:north`, `y=...:east`", "none", "none", "`--frame ned`", "GPX 1.1"),
-    ("Motive (OptiTrack) CSV", "y up unless exported otherwise: `x=B.x,y=B.z:-`", "quaternion x, y, z, w, or Euler angles about the body's axes in the order of `Rotation Type`: `psi=B.rx,B.ry,B.rz:y-up`", "none", "as it is", "Motive 3, Data Export: CSV; NatNet SDK"),
-    ("Vicon CSV", "z up", "rotation vector RX, RY, RZ", "none", "as it is", "Nexus 2, ASCII files"),
-    ("OpenSim `.mot`, `.sto`", "m", "deg where `inDegrees=yes`", "angles per second likewise", "as it is", "OpenSim 4, motion files"),
-    ("C3D, TRC", "axes of the laboratory: `check` takes the one that moves least as vertical", "none", "none", "as it is", "c3d.org"),
+#: Frames, axes and units by source: position, heading, velocities, columns and frame, definition. A test follows each row.
+CONVENTIONS = [
+    ("ROS `nav_msgs/Odometry`", "x, y of `header.frame_id`, z up", "quaternion x, y, z, w", "`twist` along the body: forward, left",
+     "x=/odom/pose.pose.position.x,y=/odom/pose.pose.position.y,psi=/odom/pose.pose.orientation.x,/odom/pose.pose.orientation.y,/odom/pose.pose.orientation.z,/odom/pose.pose.orientation.w,u=/odom/twist.twist.linear.x,v=/odom/twist.twist.linear.y,r=/odom/twist.twist.angular.z", "", "REP 103, REP 105"),
+    ("ROS `tf2_msgs/TFMessage`", "of the child in its parent", "quaternion x, y, z, w", "none",
+     "x=/tf[base_link]/transform.translation.x,y=/tf[base_link]/transform.translation.y,psi=/tf[base_link]/transform.rotation.x,/tf[base_link]/transform.rotation.y,/tf[base_link]/transform.rotation.z,/tf[base_link]/transform.rotation.w", "", "tf2"),
+    ("PX4 `vehicle_local_position`, `vehicle_attitude`", "x north, y east", "clockwise from north; quaternion w first", "vx, vy along north and east: no u, v",
+     "x=vehicle_local_position/x,y=vehicle_local_position/y,psi=vehicle_attitude/q[1],vehicle_attitude/q[2],vehicle_attitude/q[3],vehicle_attitude/q[0]", "ned", "PX4 1.15, message definitions"),
+    ("ArduPilot `POS`, `ATT`, `IMU`", "PN north, PE east", "Yaw, clockwise from north, deg", "VN, VE along north and east; GyrZ clockwise",
+     "x=POS/PN,y=POS/PE,psi=ATT/Yaw,r=IMU/GyrZ", "ned", "ArduPilot 4.5, log messages"),
+    ("MAVLink `LOCAL_POSITION_NED`, `ATTITUDE`", "x north, y east", "yaw, clockwise from north, rad", "vx, vy along north and east; yawspeed clockwise",
+     "x=LOCAL_POSITION_NED/x,y=LOCAL_POSITION_NED/y,psi=ATTITUDE/yaw,r=ATTITUDE/yawspeed", "ned", "MAVLink 2, common.xml"),
+    ("NMEA 0183", "latitude and longitude", "HDT, THS: clockwise from true north, deg", "speed and course over ground; a course is no heading",
+     "x=RMC/lat,RMC/lon:north,y=RMC/lat,RMC/lon:east,psi=HDT/heading", "ned", "IEC 61162-1"),
+    ("GPX", "latitude and longitude", "none", "none", "x=lat,lon:east,y=lat,lon:north", "enu", "GPX 1.1"),
+    ("Motive (OptiTrack) CSV", "y up unless exported otherwise", "quaternion x, y, z, w", "none",
+     "x=Craft.x,y=Craft.z:-,psi=Craft.qx,Craft.qy,Craft.qz,Craft.qw:y-up", "", "Motive 3, Data Export: CSV; NatNet SDK"),
+    ("Motive (OptiTrack) CSV, Euler angles", "y up unless exported otherwise", "about the body's axes in the order of `Rotation Type`", "none",
+     "x=Craft.x,y=Craft.z:-,psi=Craft.rx,Craft.ry,Craft.rz:y-up", "", "Motive 3, Data Export: CSV; NatNet SDK"),
+    ("Vicon CSV", "z up", "rotation vector RX, RY, RZ", "none", "x=Craft.x,y=Craft.y,psi=Craft.rx,Craft.ry,Craft.rz", "", "Nexus 2, ASCII files"),
+    ("OpenSim `.mot`, `.sto`", "m", "deg where `inDegrees=yes`", "angles per second likewise", "x=x,y=y,psi=psi,r=r", "", "OpenSim 4, motion files"),
+    ("C3D, TRC", "axes of the laboratory: `check` takes the one that moves least as vertical", "none", "none", "x=bow.x,y=bow.z:-", "", "c3d.org"),
 ]  # fmt: skip
 
 #: What the page on logs says of other formats.
@@ -76,8 +85,11 @@ _OTHER_LOGS = (
     "Dots may be written for slashes: `ATT.Yaw`.",
     "Elements that messages name are columns by their names, `/joint_states/position[rudder]`. Transforms are a table for each child frame, `/tf[base_link]/transform.translation.x`.",
     "## Conventions of the formats",
-    "What a source means by its columns, and how it is read. The package's own frame is z up: psi turns from x to y, v is positive to the left. Tests of the readers follow these conventions; no test goes through the table row by row.",
-    table(("source", "position", "heading", "velocities", "read with", "where it is defined"), _CONVENTIONS),
+    "What a source means by its columns, and how it is read. The package's own frame is z up: psi turns from x to y, v is positive to the left.",
+    table(
+        ("source", "position", "heading", "velocities", "`--columns`", "`--frame`", "where it is defined"),
+        [(*row[:4], f"`{row[4]}`", f"`{row[5]}`" if row[5] else "", row[6]) for row in CONVENTIONS],
+    ),
     "`check` compares heading with course, yaw rate with the rate of the heading, velocities with the rate of the position, and the tilt of a body with its heading, and tells a contradiction with its likely cause.",
     "## Time and heading",
     table(

@@ -62,7 +62,7 @@ def conversion_to_si(name: str, unit: str, wanted: str = "") -> tuple[float, flo
     name : str
         Name of the column in a log: ``time``, ``psi``, an input.
     unit : str
-        Unit of the numbers in the file; a leading minus also flips the sign.
+        Unit of the numbers in the file; a leading minus also flips the sign (alone, of what the file states).
     wanted : str, optional
         Unit of the column in the log (default: that of time, pose and velocity where known, else SI).
 

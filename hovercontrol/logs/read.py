@@ -153,11 +153,12 @@ def _read_source(
     said = {ours: column_of(theirs, source.header) for ours, theirs in columns.items()}
     renamed = {ours: theirs for ours, (theirs, _) in said.items()}
     units = {**wanted.outputs, **wanted.inputs}
-    conversions = {
-        ours: conversion_to_si(ours, unit, units.get(ours, "")) for ours, (_, unit) in said.items() if unit
-    }
     names = _our_names(str(file), source.header, renamed)
     stated = with_angles(source.units, source.angles, names, units)
+    own = {
+        ours: f"-{stated.get(theirs, '')}" if unit == "-" else unit for ours, (theirs, unit) in said.items()
+    }
+    conversions = {o: conversion_to_si(o, unit, units.get(o, "")) for o, unit in own.items() if unit}
     conversions |= conversions_of_file(str(file), stated, names, conversions, units)
     if trial and trial not in names:
         raise ArgumentError(f"{file}: no column {trial!r} to tell trials by{did_you_mean(trial, names)}")

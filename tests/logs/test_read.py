@@ -180,6 +180,14 @@ def test_commands_come_in_the_unit_of_the_model_and_a_minus_turns_a_sign(tmp_pat
         read_log(path, columns, {"thrust": "A", "rudder": "rad"})
 
 
+def test_a_minus_alone_turns_the_sign_of_the_unit_that_the_file_states(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text("time,x [mm],z [mm],yaw [deg]\n0,1000,500,90\n1,2000,-500,90\n")
+    log = read_log(path, {"y": "z:-", "psi": "yaw:-"})
+    assert log["x"].tolist() == [1.0, 2.0] and log["y"].tolist() == [-0.5, 0.5]
+    assert log["psi"] == pytest.approx(-np.pi / 2)
+
+
 def test_copies_of_the_row_before_are_left_out(tmp_path: Path) -> None:
     path = tmp_path / "run.csv"
     trial = [f"0.{k},{k},,3" for k in range(1, 10)]

@@ -167,7 +167,8 @@ class Rows:
                 raise InputError(f"{self._source}: {found}{near}")
             if name == "time":
                 self.in_seconds = bool(unit)
-            unit = unit or units.get(column, "")
+            stated = units.get(column, "")
+            unit = f"-{stated}" if unit == "-" else unit or stated
             linear = conversion_to_si(name, unit, self._units.get(name, "")) if unit else (1.0, 0.0)
             places[name] = (header.names.index(column), *linear)
         self._header, self._places, self._below = header, places, True

@@ -139,9 +139,10 @@ def test_an_alarm_comes_with_its_row_not_later(watch):
 
 
 def test_decimal_commas_and_units_in_the_header_are_read_as_in_a_log():
-    rows = Rows(["p", "F"], {"time": "Zeit", "F": "F (N):kN"}, {"p": "m", "F": "N"}, "a pipe")
+    columns = {"time": "Zeit", "F": "F (N):kN", "p": "p:-"}
+    rows = Rows(["p", "F"], columns, {"p": "m", "F": "N"}, "a pipe")
     found = [list(rows.take(line)) for line in ("Zeit [ms];p [mm];F (N)\n", "0,0;1,5;2\n", "12,5;-3;0,5\r\n")]
-    assert found == [[], [(0.0, {"p": 0.0015, "F": 2000.0})], [(0.0125, {"p": -0.003, "F": 500.0})]]
+    assert found == [[], [(0.0, {"p": -0.0015, "F": 2000.0})], [(0.0125, {"p": 0.003, "F": 500.0})]]
 
 
 def test_times_that_are_no_numbers_are_one_line(watch):
