@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from hovercontrol.fmi.corrected.corrected import corrected_fmu
 from hovercontrol.fmi.exporter.export import export_fmu
-from hovercontrol.fmi.ssp import export_ssp
+from hovercontrol.fmi.ssp.write import export_ssp
 
 if TYPE_CHECKING:
     from hovercontrol.fmi.importer.imported import load

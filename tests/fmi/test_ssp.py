@@ -13,7 +13,7 @@ import hovercontrol as hc
 from hovercontrol.app.commands.exportable import choose
 from hovercontrol.base.errors import InputError
 from hovercontrol.fmi import export_ssp, load
-from hovercontrol.fmi.ssp import SSD, SSV
+from hovercontrol.fmi.ssp.names import SSD, SSV
 
 X, U = hc.Signal("x", "m", start=1.0), hc.Signal("u", "m/s")
 GAIN = hc.Signal("gain", "1/s", start=2.0)
@@ -95,6 +95,23 @@ def test_what_is_no_system_is_one_line(tmp_path, loop):
         archive.writestr("a.txt", "")
     with pytest.raises(InputError, match=r"without SystemStructure\.ssd"):
         load(empty)
+
+
+def test_of_fmi_3_it_is_ssp_2_with_units_arrays_and_outputs_that_are_asked_for(tmp_path):
+    xs = [hc.Signal(f"x[{i}]", "m") for i in range(2)]
+    us = [hc.Signal(f"u[{i}]", "m/s") for i in range(2)]
+    rates = {x.name: u.symbol for x, u in zip(xs, us, strict=True)}
+    vector = hc.Block("vector", xs, us, xs, derivatives=rates).to_fmu(tmp_path / "vector.fmu")
+    path = export_ssp([vector], tmp_path / "loop.ssp", outputs=["x"])
+    root = parsed(path, "SystemStructure.ssd")
+    assert root.get("version") == "2.0"
+    listed = [(c.get("name"), c[0].get("unit"), c[1].get("size")) for c in root.iter(f"{{{SSD}}}Connector")]
+    assert listed == [("u", "m/s", "2"), ("x", "m", "2")] * 2
+    system = load(path)
+    assert system.output_labels == ["x[1]", "x[2]"]
+    inputs = np.array([[1.0] * 101, [2.0] * 101])
+    found = ct.input_output_response(system, np.arange(101) * system.dt, inputs).outputs
+    assert np.allclose(found[:, -1], [1.0, 2.0])
 
 
 @pytest.mark.slow

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -58,6 +58,10 @@ def export(
     step: Annotated[
         float | None, typer.Option(help="Communication step of the default experiment, in seconds.")
     ] = None,
+    outputs: Annotated[
+        str | None,
+        typer.Option(help="Of NAME.ssp: outputs of the system too, separated by commas, as in x,y."),
+    ] = None,
     list_: Annotated[bool, typer.Option("--list", help="List what can be exported and exit.")] = False,
     json: given.Json = False,
 ) -> int:
@@ -92,7 +96,7 @@ def export(
     out = out or Path("out") / f"{chosen.block.name}.fmu"
     fmi = fmi if fmi is not None else 2 if out.suffix == ".ssp" else 3
     if out.suffix == ".ssp":
-        return _system(chosen, out, fmi, platforms, (step, stop), json)
+        return _system(chosen, out, fmi, platforms, (step, stop), outputs, json)
     stop, step = chosen.stop if stop is None else stop, chosen.step if step is None else step
     with given.progress_bar(f"export {one_line(block, 60)}", 1.0) as report:
         path: Path = as_user(
@@ -138,20 +142,22 @@ def _system(
     fmi: int,
     platforms: str | None,
     times: tuple[float | None, float | None],
+    outputs: str | None,
     json: bool,
 ) -> int:
     """Write the parts of a loop as a system of FMUs."""
     from hovercontrol.base.boundary import as_user
-    from hovercontrol.fmi.ssp import export_ssp
+    from hovercontrol.fmi.ssp.write import export_ssp
 
     step, stop = (
         own if given is None else given for given, own in zip(times, (chosen.step, chosen.stop), strict=True)
     )
     if not chosen.parts:
         raise InputError(f"{out}: a system is written of a continuous scenario's loop, such as table1")
-    experiment = {k: v for k, v in (("step", step), ("stop", stop)) if v is not None}
+    more: dict[str, Any] = {k: v for k, v in (("step", step), ("stop", stop)) if v is not None}
+    more["outputs"] = [name.strip() for name in outputs.split(",")] if outputs else []
     parts, title = list(chosen.parts), chosen.title
-    path: Path = as_user(export_ssp, parts, out, name=title, version=fmi, platforms=platforms, **experiment)
+    path: Path = as_user(export_ssp, parts, out, name=title, version=fmi, platforms=platforms, **more)
     if json:
         content = {"name": title, "fmi": fmi, "parts": [p.name for p in parts], "bytes": path.stat().st_size}
         given.show("", [path], path.parent, content)

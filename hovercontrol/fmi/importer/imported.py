@@ -101,7 +101,7 @@ def load(
     """
     path = Path(path)
     if path.suffix == ".ssp":
-        from hovercontrol.fmi.ssp import load_ssp
+        from hovercontrol.fmi.ssp.read import load_ssp
 
         if name is not None or params is not None:
             raise InputError(f"{path}: name and params are for one FMU; a system has its own")

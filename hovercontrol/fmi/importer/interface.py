@@ -40,6 +40,8 @@ class Variable:
         In Model Exchange it changes at events only.
     clocks : tuple of int
         References of the clocks at whose ticks it changes; empty if it has none.
+    shape : tuple of int
+        Of an array.
     """
 
     name: str
@@ -52,6 +54,7 @@ class Variable:
     items: tuple[tuple[int, str], ...] = ()
     discrete: bool = False
     clocks: tuple[int, ...] = ()
+    shape: tuple[int, ...] = ()
 
     def number(self, value: Any, where: str) -> float:
         """Return a value as a number of this variable's type.

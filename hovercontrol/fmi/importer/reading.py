@@ -227,6 +227,7 @@ def _variable(variable: Any, fmi: int, where: str, own: Elements) -> Variable:
         tuple((int(item.value), item.name) for item in listed),
         kind not in REALS or variable.variability == "discrete",
         tuple(clock.valueReference for clock in variable.clocks or ()),
+        tuple(shape),
     )
 
 

@@ -15,7 +15,7 @@ from hovercontrol.fmi.importer.archive import LIMITS, Archive, check_xml, open_a
 from hovercontrol.fmi.importer.interface import Interface, Kind
 from hovercontrol.fmi.importer.reading import read_interface
 
-_DESCRIPTION = "modelDescription.xml"
+DESCRIPTION = "modelDescription.xml"
 
 
 class Unpacked:
@@ -49,13 +49,9 @@ class Source:
 def open_source(path: Path, kind: Kind | None = None, strict: bool = True) -> Source:
     """Check and unpack an FMU without running its code."""
     with open_archive(path) as archive:
-        data = archive.read(_DESCRIPTION, LIMITS.description)
-        header = check_xml(data, f"{path}: {_DESCRIPTION}")
         unpacked = Unpacked()
         try:
-            file = unpacked.folder / _DESCRIPTION
-            file.write_bytes(data)
-            interface = read_interface(file, header, str(path), kind, strict)
+            interface = _described(archive, unpacked.folder, kind, strict)
             binaries = _binaries(archive, interface)
             archive.unpack(unpacked.folder, lambda name: name.startswith((binaries, "resources/")))
             (unpacked.folder / "resources").mkdir(exist_ok=True)
@@ -63,6 +59,19 @@ def open_source(path: Path, kind: Kind | None = None, strict: bool = True) -> So
         except BaseException:
             unpacked.release()
             raise
+
+
+def describe(path: Path, folder: Path, kind: Kind | None = None, strict: bool = True) -> Interface:
+    """Return an FMU's interface; ``modelDescription.xml`` is written to the folder, and nothing else."""
+    with open_archive(path) as archive:
+        return _described(archive, folder, kind, strict)
+
+
+def _described(archive: Archive, folder: Path, kind: Kind | None, strict: bool) -> Interface:
+    data = archive.read(DESCRIPTION, LIMITS.description)
+    header = check_xml(data, f"{archive.path}: {DESCRIPTION}")
+    (folder / DESCRIPTION).write_bytes(data)
+    return read_interface(folder / DESCRIPTION, header, str(archive.path), kind, strict)
 
 
 def _binaries(archive: Archive, interface: Interface) -> str:

@@ -17,7 +17,7 @@ from hovercontrol.base.files import readable, reason, write_atomically
 from hovercontrol.fmi.around import Around
 from hovercontrol.fmi.corrected.corrected import corrected_fmu
 from hovercontrol.fmi.replay.plant import FmuPlant
-from hovercontrol.fmi.ssp import SSV
+from hovercontrol.fmi.ssp.names import SSV
 
 _DESCRIPTION = "modelDescription.xml"
 
