@@ -18,44 +18,44 @@ demo: .venv/ready  ## the paper's Table I, coefficients from the sample log, wha
 
 PYTEST := $(BIN)/python -m pytest -n 2 --dist worksteal --durations=30 --durations-min=0.5
 
-test: .venv/ready check  ## style, types, all tests that are not marked slow; the slowest at the end
+test: .venv/tests check  ## style, types, all tests that are not marked slow; the slowest at the end
 	$(PYTEST) -m "not slow"
 
-test-slow: .venv/ready  ## the tests that are marked slow
+test-slow: .venv/tests  ## the tests that are marked slow
 	$(PYTEST) -m slow
 
-test-all: .venv/ready check  ## the same and the slow ones
+test-all: .venv/tests check  ## the same and the slow ones
 	$(PYTEST)
 
 COVERED ?= 90
 TESTS ?= -m "not slow"
 HTML ?= --cov-report=html:out/coverage
-coverage: .venv/ready  ## the quick tests (TESTS= all), and the lines of the package that none of them runs; 90 % must run
+coverage: .venv/tests  ## the quick tests (TESTS= all), and the lines of the package that none of them runs; 90 % must run
 	$(PYTEST) $(TESTS) --cov --cov-report=term:skip-covered $(HTML) --cov-fail-under=$(COVERED)
 
-check: .venv/ready
+check: .venv/tests
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
 FUZZ_SECONDS ?= 600
-fuzz: .venv/ready  ## hostile and clumsy inputs; each that breaks something is printed with its seed
+fuzz: .venv/tests  ## hostile and clumsy inputs; each that breaks something is printed with its seed
 	$(BIN)/python -m tests.fuzz --seconds $(FUZZ_SECONDS) $(if $(FUZZ_SEED),--seed $(FUZZ_SEED))
 
-mutations: .venv/ready  ## one-line faults in a copy of the code: does make test notice each?
+mutations: .venv/tests  ## one-line faults in a copy of the code: does make test notice each?
 	$(BIN)/python -m tests.mutations
 
-oldest: .venv/ready  ## the quick tests with the oldest versions that pyproject.toml allows
+oldest: .venv/tests  ## the quick tests with the oldest versions that pyproject.toml allows
 	$(BIN)/python -m tests.packaging.versions oldest
 
 NEWEST ?=
-newest: .venv/ready  ## the quick tests with the newest of every dependency, on the newest Python of this machine
+newest: .venv/tests  ## the quick tests with the newest of every dependency, on the newest Python of this machine
 	$(BIN)/python -m tests.packaging.versions newest $(NEWEST)
 
-wheel: .venv/ready  ## wheel and sdist, installed in fresh environments; sizes and times
+wheel: .venv/tests  ## wheel and sdist, installed in fresh environments; sizes and times
 	$(BIN)/python -m tests.packaging.install
 
-benchmarks: .venv/ready  ## every figure in the README, measured on this machine
+benchmarks: .venv/tests  ## every figure in the README, measured on this machine
 	$(BIN)/python -m benchmarks
 
 findings:  ## surprises about other people's tools (findings/README.md), each in a fresh environment; needs the network
@@ -69,8 +69,12 @@ docs: .venv/docs  ## the site, every cell run, warnings are errors: out/site/ind
 pictures: .venv/docs  ## the site's pictures that take minutes: all analyses, all tables and figures of the papers (half an hour)
 	PYTHONPATH=docs $(BIN)/python -m generate.keep out/pictures
 
-.venv/docs: .venv/ready
+.venv/docs: .venv/tests
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[docs]"
+	@touch $@
+
+.venv/tests: .venv/ready
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[test]"
 	@touch $@
 
 .venv/ready: pyproject.toml constraints.txt
@@ -78,7 +82,7 @@ pictures: .venv/docs  ## the site's pictures that take minutes: all analyses, al
 	  || { echo "hovercontrol needs Python 3.11 or newer: make PYTHON=python3.12 ..."; exit 2; }
 	@$(PYTHON) -m venv .venv \
 	  || { echo "python3 cannot make a virtual environment: apt-get install python3-venv"; exit 2; }
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[test]"
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e .
 	@touch $@
 
 clean:
