@@ -18,8 +18,9 @@ demo: .venv/ready  ## the paper's Table I, coefficients from the sample log, wha
 
 PYTEST := $(BIN)/python -m pytest -n 2 --dist worksteal --durations=30 --durations-min=0.5
 
+COVERAGE ?=
 test: .venv/tests check  ## style, types, all tests that are not marked slow; the slowest at the end
-	$(PYTEST) -m "not slow"
+	$(PYTEST) $(COVERAGE) -m "not slow"
 
 test-slow: .venv/tests  ## the tests that are marked slow
 	$(PYTEST) -m slow
@@ -48,9 +49,8 @@ mutations: .venv/tests  ## one-line faults in a copy of the code: does make test
 oldest: .venv/tests  ## the quick tests with the oldest versions that pyproject.toml allows
 	$(BIN)/python -m tests.packaging.versions oldest
 
-NEWEST ?=
-newest: .venv/tests  ## the quick tests with the newest of every dependency, on the newest Python of this machine
-	$(BIN)/python -m tests.packaging.versions newest $(NEWEST)
+newest: .venv/tests  ## the first quick test of each file with the newest of every dependency, on the newest Python
+	$(BIN)/python -m tests.packaging.versions newest
 
 wheel: .venv/tests  ## wheel and sdist, installed in fresh environments; sizes and times
 	$(BIN)/python -m tests.packaging.install

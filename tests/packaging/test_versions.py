@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import pytest
 
@@ -52,3 +53,9 @@ def test_an_environment_that_was_prepared_is_taken_once(tmp_path, monkeypatch):
     assert made[0] == ("newest", "python3.13", folder)
     assert [words[2] for words in called] == ["pip", "pytest"] * 2
     assert called[1][0] == str(folder / "bin" / "python")
+
+
+def test_of_each_file_the_newest_versions_take_the_first_test():
+    items = [SimpleNamespace(path=path, name=name) for path, name in ("aw", "ax", "by", "az")]
+    versions.pytest_collection_modifyitems(items)
+    assert sorted(item.name for item in items) == ["w", "y"]

@@ -1,8 +1,10 @@
 """Run the quick tests with other versions: ``make oldest``, ``make newest``.
 
 ``oldest`` installs the oldest versions that pyproject.toml allows, on the oldest Python; ``newest`` the
-newest of every dependency, on the newest Python of this machine. Options unknown here go to pytest. With
-``--prepare`` only the environment is made, which the next run takes.
+newest of every dependency, on the newest Python of this machine, and takes a tenth of them: the first test
+of each file and the first example of each module, so that each module is imported and used, and each package
+that it calls. Options unknown here go to pytest. With ``--prepare`` only the environment is made, which the
+next run takes.
 """
 
 from __future__ import annotations
@@ -17,10 +19,12 @@ import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
+import pytest
+
 PROJECT = Path(__file__).parents[2]
 PREPARED = "prepared"
-#: Tests of C code, which is the same for every version of Python and of its packages.
-OF_C = ["--ignore=tests/fmu"]
+#: Options of pytest: a tenth of the tests (this file as a plugin), none of C code, which is the same everywhere.
+TENTH = ["-p", "tests.packaging.versions", "--ignore=tests/fmu"]
 
 #: Says which Python this is, if it is a release that can make a virtual environment.
 ASK = """
@@ -30,6 +34,12 @@ print(*sys.version_info[:2])
 """
 
 Version = tuple[int, int]
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Keep the first test of each file."""
+    items[:] = reversed({item.path: item for item in reversed(items)}.values())
 
 
 def project() -> dict:
@@ -119,11 +129,8 @@ def main() -> int:
     print(f"{given.which}: Python {version[0]}.{version[1]}, {python}", flush=True)
     own = prepared(folder) or environment(given.which, python, folder)
     subprocess.run([own, "-m", "pip", "list", "--disable-pip-version-check", "--format=freeze"], check=True)
-    settings = dict(os.environ)
-    if version >= (3, 12):
-        settings.setdefault("COVERAGE_CORE", "sysmon")  # watching which lines run then costs little
-    quick = ["-n", "2", "--dist", "worksteal", "-m", "not slow", *OF_C, *passed]
-    return subprocess.run([own, "-m", "pytest", *quick], cwd=PROJECT, env=settings, check=False).returncode
+    quick = ["-n", "2", "--dist", "worksteal", "-m", "not slow", *(TENTH if given.which == "newest" else []), *passed]
+    return subprocess.run([own, "-m", "pytest", *quick], cwd=PROJECT, check=False).returncode
 
 
 if __name__ == "__main__":
