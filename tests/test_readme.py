@@ -81,7 +81,16 @@ def test_ci_runs_its_commands_as_they_stand_there_and_none_of_their_recipes_twic
     assert set(ours) <= set(run)
     recipes, settings = [], {k: v for k, v in os.environ.items() if k != "MAKEFLAGS"}
     for command in run:
-        words = ["make", "-n", "--no-print-directory", "-o", ".venv/ready", "-o", ".venv/tests", *shlex.split(command)[1:]]
+        words = [
+            "make",
+            "-n",
+            "--no-print-directory",
+            "-o",
+            ".venv/ready",
+            "-o",
+            ".venv/tests",
+            *shlex.split(command)[1:],
+        ]
         done = subprocess.run(words, cwd=PROJECT, capture_output=True, text=True, check=True, env=settings)
         recipes += done.stdout.splitlines()
     assert len(recipes) > 8 and len(set(recipes)) == len(recipes)

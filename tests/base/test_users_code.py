@@ -83,12 +83,8 @@ def test_what_a_file_does_is_refused_in_one_line_that_names_it(call, tmp_path, n
     assert sys.path == before and [p.name for p in tmp_path.iterdir() if p.suffix] == ["model.py"]
 
 
-QUICK = ("folder", "stdout closed", "descriptor")
-
-
-@pytest.mark.parametrize(
-    "name", [pytest.param(n, marks=[] if n in QUICK else pytest.mark.slow) for n in MENDED]
-)
+@pytest.mark.slow(*(f"[{name}]" for name in MENDED if name != "descriptor"))
+@pytest.mark.parametrize("name", MENDED)
 def test_what_a_file_breaks_is_mended(tmp_path, name):
     """In a process of its own, as what it closes is the test's own otherwise."""
     words = [*RUN, "export", "model.py", "-o", "plant.fmu", "--platforms", "x86_64-linux"]
@@ -112,6 +108,7 @@ LEFT = {
 }
 
 
+@pytest.mark.slow("process")
 @pytest.mark.parametrize("kind", LEFT)
 def test_what_is_left_running_is_refused_and_the_command_ends(tmp_path, kind):
     begun = time.monotonic()
@@ -140,7 +137,8 @@ def test_what_delays_the_end_of_python_is_not_waited_for(tmp_path, code):
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
-@pytest.mark.parametrize("more", ["", "\nif not pid: raise SystemExit", "\nif not pid: 1 / 0"])
+@pytest.mark.slow("SystemExit")
+@pytest.mark.parametrize("more", ["\nif not pid: raise SystemExit", "\nif not pid: 1 / 0"])
 def test_a_fork_runs_the_command_once(tmp_path, more):
     code = f"import os\npid = os.fork(){more}\nif pid: os.waitpid(pid, 0)"
     words = [*RUN, "export", "model.py", "-o", "plant.fmu", "--platforms", "x86_64-linux"]
@@ -191,6 +189,7 @@ def test_what_fails_later_names_the_file_too(call, tmp_path, does, said, forget)
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_a_file_called_as_something_installed_does_not_hide_it(tmp_path):
     (tmp_path / "control.py").write_text("import beside" + MODEL + "print(beside.VALUE)\n")
     (tmp_path / "beside.py").write_text("VALUE = 42\n")
@@ -218,6 +217,7 @@ for _ in range(1000): print("x" * 100)
 """
 
 
+@pytest.mark.slow
 def test_what_a_file_prints_is_not_in_the_json_value(tmp_path):
     words = [*RUN, "simulate", "model.py", "--duration", "1", "--json", "--out", "out"]
     done = subprocess.run(words, cwd=written(tmp_path, PRINTS), capture_output=True, text=True, timeout=60)

@@ -15,6 +15,7 @@ DIFFS = re.findall(r"```diff\n(.*?)```", TEXT, flags=re.DOTALL)
 TRIED = re.findall(r"Try it:\n\n```python\n(.*?)```", TEXT, flags=re.DOTALL)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(shutil.which("git") is None, reason="no git on this machine")
 def test_an_effect_a_controller_a_scenario_and_a_backend_are_added_by_one_file_each(tmp_path):
     shutil.copytree(PROJECT / "hovercontrol", tmp_path / "hovercontrol")

@@ -187,6 +187,7 @@ def test_another_tool_reproduces_the_reference_trajectory(name, version):
     np.testing.assert_allclose(found, reference, rtol=1e-4, atol=1e-5)
 
 
+@pytest.mark.slow("2")
 @pytest.mark.parametrize("version", [2, 3])
 def test_the_sources_build_as_their_list_says(version, tmp_path):
     """As an importer does: the listed files, and nothing else, give a library that computes the same."""

@@ -113,6 +113,7 @@ def test_wrong_names_end_in_one_line(file):
     plant.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("trouble", [3, 5])
 def test_a_crash_or_exit_in_a_fit_ends_in_one_line(fmu, trouble):
     plant = hc.fmu_plant(fmu(2), ["k"])
@@ -123,6 +124,7 @@ def test_a_crash_or_exit_in_a_fit_ends_in_one_line(fmu, trouble):
     plant.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("values", "u", "line"),
     [

@@ -30,7 +30,7 @@ def build(compiler: str, tmp_path_factory: pytest.TempPathFactory) -> Callable[.
         key = (name, *flags)
         if key not in built:
             path = folder / f"{'_'.join(key)}.so"
-            how = ["-O3", "-fPIC", *flags]
+            how = ["-O1", "-fPIC", *flags]
             parts = [MODELS / f"{name}.c", *runtime_objects(compiler, how)]
             compile_c(compiler, parts, path, [*how, "-shared"])
             built[key] = Runtime(path)

@@ -29,7 +29,7 @@ from hovercontrol.fmi.exporter.variables import Interface
 from .support import RUNTIME, objects
 
 STRICT = "-std=c99 -Wall -Wextra -Wshadow -Wconversion -Werror -pedantic".split()  # noqa: SIM905
-SHARED = "-O2 -ffp-contract=off -fPIC -fvisibility=hidden".split()  # noqa: SIM905
+SHARED = "-O1 -ffp-contract=off -fPIC -fvisibility=hidden".split()  # noqa: SIM905
 FOLDERS = {2: fmpy.platform, 3: fmpy.platform_tuple}
 ME, CS = "ME", "CS"
 OK, WARNING, DISCARD, ERROR = range(4)

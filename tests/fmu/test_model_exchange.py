@@ -13,6 +13,7 @@ VERSIONS = pytest.mark.parametrize("version", [2, 3])
 GRID = np.linspace(0.0, 20.0, 2001)
 
 
+@pytest.mark.slow("2")
 @VERSIONS
 def test_dry_friction_under_cvode(fmu, version):
     model = fmu("driven", version).open(ME)

@@ -64,7 +64,7 @@ def test_only_names_with_the_prefix_are_exported(compiler, tmp_path):
     assert all(name.startswith("hc_") for name in names)
 
 
-@pytest.mark.slow("linked", "smooth", "contradiction", "driven", "axes")
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PARAMETERS)
 def test_sanitisers_find_nothing(compiler, name, tmp_path):
     lines = run_sanitised(compiler, [MODELS / f"{name}.c"], PARAMETERS[name], tmp_path)
@@ -72,7 +72,7 @@ def test_sanitisers_find_nothing(compiler, name, tmp_path):
         assert all(set(line.rsplit(" ", 1)[0]) <= {str(OK), " "} for line in lines), lines
 
 
-@pytest.mark.slow("True")
+@pytest.mark.slow
 @pytest.mark.parametrize("closed", [True, False])
 def test_sanitisers_find_nothing_in_lanes(compiler, closed, tmp_path):
     """C17's craft, generated, so that runs ride in lanes and get off at events, rows and jumps."""

@@ -44,6 +44,7 @@ def test_a_jump_is_no_wrap():
     assert unwrapped(hc.Log("a", t, {"a": step, "b": beyond, "c": spike}), ["a", "b", "c"])[1] == []
 
 
+@pytest.mark.slow
 def test_a_machine_with_a_wrapped_encoder_and_its_quantised_speed_is_fitted_as_with_a_counting_one():
     q, w, u = hc.Signal("q", "rad"), hc.Signal("w", "rad/s"), hc.Signal("u", "V")
     c, g = hc.Signal("c", "1/s", start=2.2), hc.Signal("g", "rad/s^2/V", start=18.0)

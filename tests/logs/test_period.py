@@ -50,7 +50,7 @@ def test_rows_are_one_period_apart_in_every_format(folder, monkeypatch, name):
         gather(name, ["u"], columns=columns)
 
 
-@pytest.mark.slow("monitor", "check")
+@pytest.mark.slow("monitor", "check", "simulate", "sweep", "diagnose")
 @pytest.mark.parametrize("command", ["check", "identify", "diagnose", "monitor", "simulate", "sweep"])
 def test_every_command_that_reads_a_log_takes_a_period(call, folder, tmp_path, command):
     options = ["--columns", "y=1,u=2", "--period", "0.01", "--out", str(tmp_path / "out")]

@@ -23,7 +23,7 @@ import pytest
 
 PROJECT = Path(__file__).parents[2]
 PREPARED = "prepared"
-#: Options of pytest: a tenth of the tests (this file as a plugin), none of C code, which is the same everywhere.
+#: Options of pytest: a tenth of the tests (this file is the plugin), none of C code, the same everywhere.
 TENTH = ["-p", "tests.packaging.versions", "--ignore=tests/fmu"]
 
 #: Says which Python this is, if it is a release that can make a virtual environment.
@@ -129,7 +129,16 @@ def main() -> int:
     print(f"{given.which}: Python {version[0]}.{version[1]}, {python}", flush=True)
     own = prepared(folder) or environment(given.which, python, folder)
     subprocess.run([own, "-m", "pip", "list", "--disable-pip-version-check", "--format=freeze"], check=True)
-    quick = ["-n", "2", "--dist", "worksteal", "-m", "not slow", *(TENTH if given.which == "newest" else []), *passed]
+    quick = [
+        "-n",
+        "2",
+        "--dist",
+        "worksteal",
+        "-m",
+        "not slow",
+        *(TENTH if given.which == "newest" else []),
+        *passed,
+    ]
     return subprocess.run([own, "-m", "pytest", *quick], cwd=PROJECT, check=False).returncode
 
 

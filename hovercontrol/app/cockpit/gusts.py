@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import sympy as sp
 
 from hovercontrol.blocks.block import Block
@@ -14,6 +16,7 @@ GUST = (
 )
 
 
+@cache
 def gusts(*, period: float = 0.02, name: str = "gusts") -> Block:
     """Return a wind of mean zero with a correlation time of one second along x and y.
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cache
 
 import sympy as sp
 
@@ -110,17 +111,18 @@ def law(key: str, model: Model) -> Block:
     return interconnect([*force_parts(key), actuation], "law")
 
 
-def force_parts(key: str) -> list[Block]:
+@cache
+def force_parts(key: str) -> tuple[Block, ...]:
     """Return the Blocks of a law: references, guidance, controller."""
     from hovercontrol.documents.scenarios import load_scenario
     from hovercontrol.documents.scenarios.parts import loop_parts
 
     if key == "motion":
-        return stick_motion()
+        return tuple(stick_motion())
     if key == "steer":
-        return stick_steering()
+        return tuple(stick_steering())
     parts = loop_parts(load_scenario(CHOICES[key].scenario))
-    return [block for role, block in parts.items() if role not in ("plant", "actuation")]
+    return tuple(block for role, block in parts.items() if role not in ("plant", "actuation"))
 
 
 def manual(model: Model) -> Block:

@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from difflib import get_close_matches
+from functools import cache
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -90,16 +91,27 @@ def load_scenario(name: str | Path, *, seconds: float | None = None, commands: L
         return replace(driven(model, model.name, seconds, commands), file=str(name))
     own = str(name).endswith(".toml")
     path = Path(name) if own else _shipped(str(name))
-    content = read_toml(path)
+    content = read_toml(path) if own else {}
     if own and is_model(content):
         return replace(driven(load_model(path), path.stem, seconds, commands), file=str(path))
     if seconds is not None or commands is not None:
         raise InputError(f"{name}: a scenario has its own duration and commands; expected a model file")
-    if own and not content:
+    if not own:
+        return _of_the_package(path)
+    if not content:
         raise InputError(f"{path}: expected a scenario or a model, found an empty file")
+    return replace(_checked_scenario(path, content), file=str(path))
+
+
+@cache
+def _of_the_package(path: Path) -> Scenario:
+    """Return a scenario of the package; it is read once in a process."""
+    return _checked_scenario(path, read_toml(path))
+
+
+def _checked_scenario(path: Path, content: dict[str, Any]) -> Scenario:
     try:
-        content = with_base(content, path, _base)
-        scenario = replace(_scenario(path, content), file=str(path) if own else "")
+        scenario = _scenario(path, with_base(content, path, _base))
         check_scenario(scenario)
         return scenario
     except InputError as error:

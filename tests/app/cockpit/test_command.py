@@ -73,6 +73,7 @@ def test_a_port_in_use_is_said_with_a_way_out(refused):
     assert f"port {port} is in use" in line and "--port 0" in line
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="no such signals there")
 def test_it_tells_its_address_serves_there_and_ends_when_told(tmp_path):
     own = started("--port", "0", folder=tmp_path)

@@ -68,6 +68,7 @@ def test_reverse_reaches_its_speed(loop):
     assert loop.signals()["u"] == pytest.approx(-0.76, abs=0.01)
 
 
+@pytest.mark.slow
 def test_k06s_craft_turns_at_three_rad_s_and_with_yaw_friction_at_one_and_three_quarters(loop):
     loop.command(law="turn", references={"yaw_rate_ref": 3.0})
     loop.advance(20.0)
@@ -78,6 +79,7 @@ def test_k06s_craft_turns_at_three_rad_s_and_with_yaw_friction_at_one_and_three_
     assert loop.signals()["r"] == pytest.approx(1.75, abs=0.02)  # figure 6.24, field
 
 
+@pytest.mark.slow
 def test_the_stick_sets_velocity_and_turn_rate_and_a_law_does_the_rest(loop):
     def after(stick, seconds):
         loop.command(law="motion", stick=stick)

@@ -67,6 +67,7 @@ async def test_the_keyboard_flies_the_craft_and_the_stick_springs_back(page, fol
     await page.until(f"{signal('thrust')} === 0 && {signal('rudder')} === 0")
 
 
+@pytest.mark.slow
 @flown
 async def test_thirty_frames_and_more_are_drawn_in_a_second(page, folder):
     counts = []
@@ -103,6 +104,7 @@ async def test_laws_are_switched_by_clicks_and_their_references_set_in_degrees(p
     await page.key("ArrowUp", False)
 
 
+@pytest.mark.slow
 @flown
 async def test_a_click_on_the_map_is_the_goal(page, folder):
     await page.value(law("goal"))
@@ -118,6 +120,7 @@ async def test_a_click_on_the_map_is_the_goal(page, folder):
     assert goal["goal_x_ref"] > 0.5 and goal["goal_x_ref"] / goal["goal_y_ref"] == pytest.approx(1.5, rel=0.1)
 
 
+@pytest.mark.slow
 @flown
 async def test_the_pad_is_a_stick_for_mouse_and_touch(page, folder):
     pad = await page.value(
@@ -131,6 +134,7 @@ async def test_the_pad_is_a_stick_for_mouse_and_touch(page, folder):
     await page.until(f"{signal('thrust')} === 0")
 
 
+@pytest.mark.slow
 @flown
 async def test_a_gamepad_is_a_stick(page, folder):
     await page.value(
@@ -184,6 +188,7 @@ OVERLAPS = """(() => {
 })()"""
 
 
+@pytest.mark.slow("1280")
 @pytest.mark.parametrize(("width", "height"), [(1280, 900), (390, 844)])
 def test_controls_of_a_replay_do_not_overlap(tmp_path, width, height):
     from hovercontrol.documents.samples import sample_path
@@ -199,6 +204,7 @@ def test_controls_of_a_replay_do_not_overlap(tmp_path, width, height):
     asyncio.run(look())
 
 
+@pytest.mark.slow("four_fan", "c17", "1280")
 @pytest.mark.parametrize("craft", ["hoverdemon", "c17_experiment", "four_fan"])
 @pytest.mark.parametrize(("width", "height"), [(1280, 900), (390, 844)])
 def test_nothing_is_clipped_and_every_control_has_a_name(tmp_path, craft, width, height):

@@ -85,6 +85,7 @@ def test_the_order_is_true_or_false():
         check_message({"monitor": "on"})
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here")
 def test_the_page_says_what_how_large_since_when_and_what_else(tmp_path, canned, monkeypatch):
     monkeypatch.setattr("hovercontrol.app.cockpit.pacer.SILENCE", 20.0)

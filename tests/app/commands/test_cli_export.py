@@ -44,6 +44,7 @@ until = 4.0
 """
 
 
+@pytest.mark.slow
 def test_the_list_can_be_exported(call):
     done = call("export", "--list")
     assert done.returncode == 0

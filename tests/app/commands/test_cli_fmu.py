@@ -53,6 +53,7 @@ def columns(path):
     return {name: np.array([float(row[name]) for row in rows]) for name in rows[0] if name != "status"}
 
 
+@pytest.mark.slow
 def test_check_says_which_parameters_a_log_tells(call, folder, tmp_path):
     words = (str(folder / "run.csv"), "--model", str(folder / "motor.fmu"), "--out", str(tmp_path))
     done = call("check", *words, "--json")
@@ -91,6 +92,7 @@ def test_with_the_true_value_and_start_only_noise_is_left(call, folder, tmp_path
     assert found["start"]["v"] == pytest.approx(0.5, abs=0.01)
 
 
+@pytest.mark.slow
 def test_an_fmu_without_a_log_gets_steps_within_its_bounds(call, folder, tmp_path):
     done = call("simulate", str(folder / "motor.fmu"), "--duration", "4", "--out", str(tmp_path))
     found = columns(tmp_path / "log.csv")

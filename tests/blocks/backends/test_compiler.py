@@ -164,6 +164,7 @@ def test_a_compiler_that_joins_no_objects_compiles_all_at_once(cache, tmp_path, 
     assert list(cache.glob("*/runtime-*.o"))
 
 
+@pytest.mark.slow("hc_numbers")
 @needs_cc
 @pytest.mark.parametrize(
     ("name", "part", "changed"),

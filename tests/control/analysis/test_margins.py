@@ -117,6 +117,7 @@ def test_a_delay_in_the_loop_is_taken_off_its_delay_margin():
     assert late.crossover == pytest.approx(without.crossover, rel=1e-6)
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None)
 @given(st.floats(0.2, 5.0), st.floats(0.1, 5.0), st.floats(0.1, 5.0))
 def test_no_margin_promises_more_than_one_that_contains_it(k, a, b):
@@ -217,6 +218,7 @@ def ellipse():
     return blocks, settled, loop.simulate(np.linspace(20 * np.pi, 22 * np.pi, 25), x0=settled)
 
 
+@pytest.mark.slow
 def test_the_frozen_delay_margin_of_the_rudder_is_close_to_what_the_craft_bears(ellipse):
     blocks, settled, motion = ellipse
     frozen = margins_along(blocks, "rudder", motion)

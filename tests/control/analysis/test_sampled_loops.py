@@ -41,6 +41,7 @@ def test_a_negative_gain_at_frequency_zero_has_a_gain_margin():
     assert loop_margins(line).gain_up == pytest.approx(50.0)
 
 
+@pytest.mark.slow
 def test_the_response_is_that_on_the_unit_circle_up_to_nyquists_frequency():
     blocks, rest, K = loop()
     found = hc.bode(blocks, "F", rest)

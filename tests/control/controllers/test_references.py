@@ -108,7 +108,7 @@ def test_nothing_jumps_at_a_waypoint():
         assert np.allclose(before, after, atol=1e-6)
 
 
-@settings(max_examples=6)
+@settings(max_examples=3)
 @given(
     st.lists(st.tuples(st.floats(-5, 5), st.floats(-5, 5)), min_size=2, max_size=6),
     st.lists(st.floats(0.5, 3), min_size=6, max_size=6),

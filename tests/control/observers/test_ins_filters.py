@@ -240,6 +240,7 @@ def test_range_filter_is_the_extended_kalman_filter(rng, cone):
     assert_same_filter(simulate_runs(block, inputs), *expected)
 
 
+@pytest.mark.slow
 def test_ranges_overhead_do_no_harm():
     """Exactly under a beacon the cone angle has no derivative."""
     block = range_filter(Beacons(BEACONS[:3], 2.0), cone=(0.0032, -0.038))
@@ -259,6 +260,7 @@ def covariance(found, label, size):
     return P
 
 
+@pytest.mark.slow
 @settings(max_examples=6)
 @given(st.integers(0, 2**32 - 1), st.sampled_from([1e-12, 1e-4, 1.0]))
 def test_covariances_stay_positive(seed, R):
@@ -308,6 +310,7 @@ def test_without_aids_nothing_is_learned(rng):
     assert not found["gyro_bias_hat"].any()
 
 
+@pytest.mark.slow
 def test_the_order_of_ranges_matters_only_beyond_first_order():
     """Beacons numbered otherwise give the same estimate, up to the curvature within one update."""
     rng = np.random.default_rng(5)

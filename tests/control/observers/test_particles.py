@@ -52,6 +52,7 @@ def test_systematic_resampling_draws_each_as_often_as_its_weight_asks(rng):
     assert effective(np.zeros(10)) == pytest.approx(10) and effective(np.log([1, 1e-30])) == pytest.approx(1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sigma, tolerance", [(0.5, 0.05), (0.02, 0.2)])
 def test_particles_are_the_exact_posterior_on_a_grid(rng, sigma, tolerance):
     """Three ranges of a place in a square, two of whose beacons mirror it; the grid is Bayes' rule itself."""
@@ -96,6 +97,7 @@ def test_where_little_is_unsure_it_is_the_kalman_filter_within_sampling_error(rn
         assert 0.8 < ratio < 1.3, name
 
 
+@pytest.mark.slow
 def test_of_two_beacons_it_finds_the_side_of_a_start_that_nobody_told(rng):
     truth, seen, inputs = flown(rng, TWO, 3.2, 5)
     lost = range_particles(TWO, UNITS, noise=NOISE, area=((0, 4), (-4, 4)))

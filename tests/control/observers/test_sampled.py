@@ -100,6 +100,7 @@ def test_it_is_the_textbooks_kalman_filter():
     np.testing.assert_allclose(list(e.std.values()), np.sqrt(np.diag(P))[3:], atol=1e-12)
 
 
+@pytest.mark.slow
 def test_without_disturbances_it_is_one_ridge_regression_over_all_samples():
     """Q = 0: x[k] = x[0] + (integral of h) + (integral of G) c, with a prior on x[0] and c."""
     rng = np.random.default_rng(2)

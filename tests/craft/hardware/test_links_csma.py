@@ -102,6 +102,7 @@ def test_busy_is_a_parameter_and_the_delay_comes_on_top():
     assert without.max() == 0
 
 
+@pytest.mark.slow
 def test_no_message_falls_out_of_the_register_however_long_it_waits():
     access = Csma(busy=0.7, window=8, byte=0.002, attempts=4)
     link = lossy_link([Y], 0.3, 0.004, delays=bluetooth_delays("linksys_22.0_uplink"), access=access,

@@ -48,7 +48,7 @@ def test_every_part_has_a_valid_description_and_says_what_it_is(name, tmp_path):
     assert found.coSimulation.providesAdjointDerivatives is not only_ticks
 
 
-@pytest.mark.slow("range_filter", "aided_ins")
+@pytest.mark.slow("range_filter", "aided_ins", "gyro", "heading", "link", "thrust_lookup")
 @pytest.mark.parametrize("name", RUN)
 def test_a_part_as_fmu_is_the_block(name, tmp_path):
     part = PARTS[name].block(name)

@@ -257,6 +257,7 @@ def test_what_a_model_file_may_say_of_limits(tmp_path):
 DRAG = {"surge_coulomb": 1.35, "yaw_coulomb": 0.83, "sway_linear_drag": 1.2}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lag", [None, 0.2])
 def test_an_estimator_that_sees_applied_commands_does_not_wind_up(lag, rng):
     craft = c17_experiment()

@@ -222,6 +222,7 @@ def test_a_fan_lag_is_the_thrust_lag_of_an_older_file():
     assert late.timing() == ("plant.fan_delay_seconds", "")
 
 
+@pytest.mark.slow
 def test_each_candidate_of_a_craft_fits_its_equations(rng):
     """Units, signs of bounds, and machine code: all at once, for each craft."""
     for model in (c17_simulation(), craft(curve=HOLOHOVER)):

@@ -30,6 +30,7 @@ def test_v_and_w_are_those_of_the_paper():
     assert sp.expand((z.T * F.Q * z)[0] - W) == 0
 
 
+@pytest.mark.slow
 def test_both_axes_obey_the_same_error_equation_for_any_craft_with_rudder_and_propeller():
     for craft in (c17_simulation(), c17_experiment()):
         errors = normal_form(craft).errors

@@ -158,6 +158,7 @@ def test_with_q1_as_printed_the_heading_knows_no_gyro():
 # ---- table 6.7 --------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow("cricket", GUESSED)
 @pytest.mark.parametrize("aid", ["magnetometer", "cricket"])
 @pytest.mark.parametrize("column", ["bench errors", GUESSED])
 def test_with_a_leaning_axis_and_a_noisy_tachometer_table_6_7_is_met(aid, column):
@@ -216,7 +217,7 @@ def test_the_raw_heading_is_off_by_the_geometry_of_the_units(place):
 # ---- scripts ----------------------------------------------------------------------------------------
 
 
-@pytest.mark.slow("k06_bench")
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "main", "small", "tables"),
     [("k06_gyro", gyro.main, {"points": 20}, 1), ("k06_bench", bench.main, {"seeds": 2, "walks": 3}, 4)],

@@ -53,6 +53,7 @@ def test_a_wrong_base_is_refused_in_one_line(tmp_path, text, said):
     assert "\n" not in str(refused.value)
 
 
+@pytest.mark.slow
 def test_estimates_that_begin_at_zero_find_the_truth():
     run = run_scenario(load_scenario("table1-transient"))
     assert [m.metric.name for m in run.metrics() if not m.met] == []

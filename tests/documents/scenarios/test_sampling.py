@@ -88,6 +88,7 @@ def test_estimates_move_from_the_start_on_only(run):
     assert (hats[:, run.time >= 0.55] != hats[:, :1]).any(axis=0).all()
 
 
+@pytest.mark.slow
 def test_the_python_interpreter_of_ticks_gives_the_same(run):
     """The compiled loop against NumPy's, through the first phase."""
     loop = sampled_loop(SHORT, loop_parts(SHORT))

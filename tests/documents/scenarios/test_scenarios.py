@@ -36,6 +36,7 @@ def test_table1_plant_parameters_change_exactly_at_the_phase(table1):
     assert np.diff(table1.time).min() > 0
 
 
+@pytest.mark.slow
 def test_which_estimates_are_slowest_hangs_on_what_else_is_estimated(table1):
     """C17 section VIII-A: zeta_3 and zeta_4 are slower. So they are where zeta_7 and zeta_8 are known."""
     base = load_scenario("table1")

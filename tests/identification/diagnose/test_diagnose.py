@@ -66,6 +66,7 @@ def test_nothing_is_found_where_nothing_is_missing():
     assert np.mean(left[seen] ** 2) == pytest.approx(1.0, abs=0.1)
 
 
+@pytest.mark.slow
 def test_late_commands_and_a_late_clock_are_one_finding_of_two_readings():
     case = make(13, ["input_delay"], SHORT)
     found = diagnose(case.model, case.logs)

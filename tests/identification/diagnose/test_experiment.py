@@ -50,7 +50,7 @@ def test_an_ambiguous_answer_comes_with_a_proposal(unclear, tmp_path):
         assert rows[name].min() >= measured.min() - 1e-6 and rows[name].max() <= measured.max() + 1e-6
 
 
-@pytest.mark.slow("rival")
+@pytest.mark.slow
 @pytest.mark.parametrize("truth", ["named", "rival"])
 def test_the_added_log_settles_it(unclear, truth):
     case, found = unclear
@@ -73,6 +73,7 @@ def test_a_badly_known_coefficient_has_an_experiment_that_tells_it_better(unclea
     )
 
 
+@pytest.mark.slow
 def test_rivals_that_are_the_same_have_no_experiment():
     case = make(17, ["input_delay"], Conditions(duration=20.0))
     found = diagnose(case.model, case.logs, names=["input_delay", "time_offset"])

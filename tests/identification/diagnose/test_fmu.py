@@ -107,6 +107,7 @@ def test_too_little_gain_is_a_lead_with_its_reason(plant):
     assert all("are asked for" in one.reason for one in found.leads)
 
 
+@pytest.mark.slow
 def test_a_law_in_a_derivative_is_named_and_the_corrected_fmu_has_it(plant, tmp_path):
     """v' = GAIN u - DRAG v - 0.25 v abs(v), by SciPy."""
     quadratic, u = 0.25, given(8)

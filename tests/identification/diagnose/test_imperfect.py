@@ -35,6 +35,7 @@ def test_beside_an_effect_a_disturbance_is_of_its_size():
     assert 0.4 < of_disturbance / of_effect < 1.6
 
 
+@pytest.mark.slow
 def test_a_case_is_made_of_its_seed():
     a, b = (Key("partial", "slope", "bumps", "pose", 3).case() for _ in range(2))
     assert all(np.array_equal(a.logs[0][c], b.logs[0][c]) for c in a.logs[0].columns)

@@ -57,6 +57,7 @@ def test_a_model_that_lacks_nothing_agrees_with_both():
     assert noisy["u"].short == pytest.approx(4.0 * calm["u"].short, rel=0.2)
 
 
+@pytest.mark.slow
 def test_the_gap_of_both_is_in_units():
     case, logs = unlike([], 4.0)
     both = gap(held_fit(case.truth, gather(case.truth, logs)))

@@ -40,6 +40,7 @@ def test_it_is_named_where_it_is_asked_for(heavier):
     assert abs(error) < 4.0 * found.final.covariance[j, j] ** 0.5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["battery_sag", "yaw_quadratic_drag"])
 def test_what_is_there_keeps_its_name(name):
     found = searched(make(5, [name], SHORT), [name, "slope"])
@@ -60,6 +61,7 @@ def test_a_search_asks_in_place_of_what_it_may_be_taken_for(heavier):
     assert {cls.name for cls in catalogue(heavier.model, ["mass_drift"])} == {"mass_drift"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("seed", "sure"), [(2, True), (1, False)])
 def test_two_drags_may_stand_for_one_of_another_power(seed, sure):
     """Where the logs do not tell, it is a rival of both."""

@@ -104,6 +104,7 @@ def test_twins_are_one_finding():
     assert not late.twin(late) and not late.twin(effect("thrust_lag", 0.1))
 
 
+@pytest.mark.slow("time_offset")
 @pytest.mark.parametrize("named", ["input_delay", "time_offset"])
 def test_a_long_delay_is_found_though_its_likelihood_has_many_tops(named):
     case = make(16, ["input_delay"], SHORT)
@@ -169,6 +170,7 @@ def test_an_effect_is_not_lost_to_noise_of_other_correlation_times():
     assert found.evidence["thrust_deadzone"].gain > 100
 
 
+@pytest.mark.slow
 def test_coefficients_that_process_noise_stood_in_for_come_back():
     """On mild laps a craft without its dead zone fits best with no yaw moments at all, and random ones."""
     case = make(2120, ["thrust_deadzone"], Conditions(commands=mild))
@@ -181,6 +183,7 @@ def test_coefficients_that_process_noise_stood_in_for_come_back():
     assert found.final.noise.process.max() < 1e-3
 
 
+@pytest.mark.slow
 def test_a_jump_is_found_when_it_was_though_its_score_lies_under_large_noise():
     case = make(12225, ["parameter_jump"], Conditions(channels=("x", "y", "psi")))
     found = searched(case, ["parameter_jump"])
@@ -199,6 +202,7 @@ def test_lugre_friction_is_told_from_stribeck_friction_in_a_log_of_twenty_second
     assert not np.any(CRITERIA.left(found.final))
 
 
+@pytest.mark.slow
 def test_a_fit_of_lugre_friction_ends_alike_from_any_start():
     case = make(4, ["lugre_yaw"], SHORT)
     base = base_fit(case.model, gather(case.model, case.logs))

@@ -63,7 +63,7 @@ def log(truth, seed, step):
     return Log(f"run {seed}", time, {"psi": heading + 2e-3 * rng.normal(size=time.size), "helm": told})
 
 
-@pytest.mark.slow("1.0")
+@pytest.mark.slow("1.0", "hidden0", "hidden1")
 @pytest.mark.parametrize("step", [1.0, 0.25])
 @pytest.mark.parametrize("hidden", [{"cubic_damping": 20.0}, {"turning_moment": 3e-4}, {}])
 def test_what_a_ship_lacks_is_found(hidden, step):

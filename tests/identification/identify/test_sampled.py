@@ -153,6 +153,7 @@ def test_of_two_times_with_the_value_of_the_period_the_user_says_which_it_is():
     assert hc.diagnose(lag(1.0, 1.0), [lagging()], fixed=["h"]).effects == ()
 
 
+@pytest.mark.slow
 def test_a_time_kept_as_the_period_is_said_and_is_fitted_if_named():
     says = "lag: 'tau' = 1 s, as the period: it is kept; fixed=['tau'] confirms it"
     with pytest.warns(UserWarning, match=re.escape(says)):

@@ -132,6 +132,7 @@ def real():
     return craft, read
 
 
+@pytest.mark.slow
 @needs_data
 @pytest.mark.parametrize("run", "abcd")
 def test_every_real_run_goes_from_file_to_coefficients(real, run):
@@ -145,6 +146,7 @@ def test_every_real_run_goes_from_file_to_coefficients(real, run):
     assert abs(beside.value - known) < min(5 * beside.std, abs(force.value - known))
 
 
+@pytest.mark.slow
 @needs_data
 def test_a_fit_on_two_runs_predicts_the_third_better_than_no_model(real):
     craft, read = real

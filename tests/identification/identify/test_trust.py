@@ -56,6 +56,7 @@ def test_a_servo_that_the_model_lacks_is_named_and_the_gain_beside_it_is_right(l
     assert "not to be trusted: per_length" in found.table() and "with steer_lag" in found.table()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gusts", [0.0, 0.1])
 def test_nothing_is_said_where_nothing_is_missing(gusts):
     for seed in range(4):
@@ -82,11 +83,13 @@ def test_a_law_of_no_catalogue_shows_in_the_reading_over_longer_times():
     assert abs(fit.p[0] - LENGTH) > 20.0 * std[0]
 
 
+@pytest.mark.slow
 def test_the_scale_of_the_only_measured_channel_is_no_candidate():
     found = identify(car(), [drive(0.3, np.random.default_rng(1))])
     assert all(e.name != "heading_scale" for e in found.missing)
 
 
+@pytest.mark.slow
 def test_a_kept_width_of_friction_that_is_off_is_named():
     from dataclasses import replace
 
@@ -102,6 +105,7 @@ def test_a_kept_width_of_friction_that_is_off_is_named():
         assert abs(f.value - truth[f.name]) < 3.0 * f.std
 
 
+@pytest.mark.slow
 def test_the_next_command_is_printed_with_the_options_that_were_given(call, tmp_path):
     log = drive(0.3, np.random.default_rng(1), rows=800)
     columns = {"t": log.time, "speed": log["speed"], "steer": log["steer"], "yaw": log["heading"]}

@@ -112,6 +112,7 @@ def test_scores_are_likelihood_ratios_written_out(block):
         assert [last[f"J[{w},{j}]"] for j in range(2)] == pytest.approx(J, rel=1e-3, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_signatures_along_a_noisy_motion_bring_the_information_of_the_tests():
     """Noise along the motion raises no alarm that would hold the windows."""
     known = estimation_model(cart(), ["p"], {"v": 0.1}, NOISE, {}, 1.0, {}, {}, "monitor", False)
@@ -134,6 +135,7 @@ def test_a_change_is_named_with_its_size(block):
     assert told["since"][-1] == pytest.approx((len(y) - 60) * PERIOD, abs=3.0)
 
 
+@pytest.mark.slow
 def test_the_estimate_of_a_friction_does_not_pass_zero():
     """The data have a drag of 0.5 - 2, which is no friction: the estimate stops at a drag of zero."""
     v = hc.Signal("v", "m/s")
@@ -401,6 +403,7 @@ def test_the_rate_of_tests_of_single_samples_is_the_tail_of_chi_squared():
     assert false_alarm_rate(found, np.array([0.5]), -FREE, FREE, 6.1) == 0.0  # limited to 3: 9 < 6.1 * 1.5
 
 
+@pytest.mark.slow
 def test_the_rate_of_tests_of_two_limited_samples_is_an_integral_of_their_tail():
     """b = psi(e1) + psi(e2), J = 2: P(b > c) by the density of e1, for c = 4.5 and c = 5.5."""
     found = steady(600, 1, 1, m=2)

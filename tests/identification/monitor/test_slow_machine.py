@@ -31,6 +31,7 @@ def measured(period, *, sampled, change):
     return hc.Log("plate", period * np.arange(ROWS), {"T": np.array(rows), "P": power})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("period", "sampled"), [(1.0, False), (2.0, True)])
 @pytest.mark.parametrize("change", [0.2, G])
 def test_a_change_is_found_however_large(period, sampled, change):
