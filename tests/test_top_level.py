@@ -9,9 +9,6 @@ import pytest
 
 IMPORTS = (
     "import hovercontrol as hc",
-    "from hovercontrol.identification.identify import identify",
-    "import hovercontrol.identification.identify",
-    "import hovercontrol.identification.identify.study",
     "from hovercontrol.identification.identify.study import Study",
     "import hovercontrol.identification.check",
     "from hovercontrol import identify, diagnose, check, read_log",
@@ -53,8 +50,7 @@ print(json.dumps(ends))
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
 def test_the_functions_of_logs_are_at_the_top_after_any_import():
     early = "import hovercontrol as hc; assert inspect.isfunction(hc.identify)"
-    codes = [f"{first}\n{SAME}" for first in IMPORTS]
-    codes += [f"import inspect\n{first}\n{early}\n{first}\n{SAME}" for first in IMPORTS]
+    codes = [f"import inspect\n{first}\n{early}\n{first}\n{SAME}" for first in IMPORTS]
     call = [sys.executable, "-c", FORKS]
     done = subprocess.run(call, input=json.dumps(codes), capture_output=True, text=True)
     assert done.returncode == 0, done.stderr

@@ -41,7 +41,7 @@ def test_every_script_is_tried():
     assert {p.stem for p in FOLDER.glob("*_*.py")} >= set(SMALL)
 
 
-@pytest.mark.slow("c17_excitation", "c17_table2", "k06_steering")
+@pytest.mark.slow("excitation", "table2", "steering", "reverse", "beta", "gain", "zero")
 @pytest.mark.parametrize("name", SMALL)
 def test_a_script_leaves_pictures_a_table_and_its_findings(name, tmp_path):
     told = []

@@ -15,7 +15,7 @@ FAULTS = {
 }
 
 
-@pytest.mark.slow("2-", "3-", "5-")  # a process is started again
+@pytest.mark.slow("2-", "3-", "5-", "CoSimulation")  # a process is started again
 @pytest.mark.parametrize("kind", ["ModelExchange", "CoSimulation"])
 @pytest.mark.parametrize("fault", list(FAULTS))
 def test_a_fault_is_one_line(written, kind, fault):

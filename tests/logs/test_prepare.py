@@ -25,6 +25,7 @@ def blanked(rows: slice, *names: str) -> Log:
     return LOG.with_columns(columns)
 
 
+@pytest.mark.slow
 def test_lost_samples_are_told_and_change_little():
     log = blanked(slice(700, 706), *POSE)
     line = "run.csv: columns 'x', 'y', 'psi': 6 of 1,000 samples missing"

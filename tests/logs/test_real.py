@@ -89,6 +89,7 @@ def test_fans_push_the_way_the_readme_says(runs) -> None:
         assert 700 < gain < 1500
 
 
+@pytest.mark.slow("part1", "part2")
 @pytest.mark.parametrize("name", ["h1_aligned", "h1_blue_aligned", "h1_blue_raw_pose"])
 @pytest.mark.parametrize("part", [(0.0, 1.0), (0.0, 0.5), (0.5, 1.0)])
 def test_no_row_of_a_fast_craft_is_rejected(name: str, part: tuple[float, float]) -> None:
@@ -100,6 +101,7 @@ def test_no_row_of_a_fast_craft_is_rejected(name: str, part: tuple[float, float]
     assert smoothed.accepted.all()
 
 
+@pytest.mark.slow("blue", "run_")
 @pytest.mark.parametrize("run", ["h1_aligned", "h1_blue_aligned", "run_a_pose", "run_d_pose"])
 def test_gross_outliers_in_real_motion_never_pull_the_pose(run: str) -> None:
     log = read_log((FAST if run.startswith("h1") else DATA) / f"{run}.csv")

@@ -66,6 +66,7 @@ def _files(folder):
     return sorted(path for path in folder.iterdir() if path.name != "__pycache__")
 
 
+@pytest.mark.slow
 def test_no_change_is_status_0_and_nothing_is_written(call, folder):
     before = _files(folder)
     done = call("monitor", "same.csv", *OPTIONS, cwd=folder)

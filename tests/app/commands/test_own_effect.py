@@ -46,6 +46,7 @@ def log() -> Log:
     return Log("run", t, {**seen, "thrust": commands[0], "rudder": commands[1]})
 
 
+@pytest.mark.slow
 def test_its_model_is_simulated_identified_and_checked(call, tmp_path):
     (tmp_path / "own.py").write_text(FILE.format(unit="1"))
     log().save(tmp_path / "run.csv")

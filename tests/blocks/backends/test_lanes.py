@@ -100,6 +100,7 @@ def test_here_the_lanes_are_at_work():
 VECTORS = ["-fopenmp-simd", "-DHC_SIMD", "-mavx2", "-fno-trapping-math"]
 
 
+@pytest.mark.slow("smooth")
 @pytest.mark.parametrize(
     "flags", [[], VECTORS, [*VECTORS, "-DHC_FMA"], [*VECTORS, "-DHC_FMA", "-DHC_AVX512"]]
 )

@@ -65,6 +65,7 @@ def test_the_generated_c_has_no_trace_of_the_others():
     assert "twice" in c_source(SWING) and "twice" not in text
 
 
+@pytest.mark.slow
 def test_jax_computes_the_outputs_asked_for():
     pytest.importorskip("jax")
     functions = SWING.to_jax()

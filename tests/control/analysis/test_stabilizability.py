@@ -63,6 +63,7 @@ def test_forward_motion_can_be_held_and_standstill_is_left_open():
     assert rest.verdict == "undecided" and rest.brockett.onto is None
 
 
+@pytest.mark.slow
 def test_sway_drag_makes_a_heading_possible_but_not_a_pose():
     craft = pushed(c17_simulation())
     assert stabilizability(craft, names("psi u v r")).verdict == "possible"

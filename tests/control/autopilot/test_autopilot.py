@@ -72,7 +72,7 @@ def test_with_perfect_sensors_the_filters_tell_the_truth():
 WITH = {n: Imperfections.only(n) for n in SWITCHES if n not in ("gyro_range", "brake")}
 
 
-@pytest.mark.slow("gyro_dynamics")
+@pytest.mark.slow("gyro_dynamics", "ins_", "delay", "update")
 @pytest.mark.parametrize("name", WITH)
 def test_each_imperfection_alone_moves_the_craft_away_from_the_ideal_one(name):
     rms = [np.sqrt(np.mean(fly(chosen)[1]["gap"] ** 2)) for chosen in (WITH[name], Imperfections.only())]
@@ -134,6 +134,7 @@ def test_the_gyro_is_too_slow_to_see_how_the_stop_trial_starts():
     assert by_gyro["r_hat"] == pytest.approx(math.radians(300.0), abs=1e-9)
 
 
+@pytest.mark.slow
 def test_errors_of_the_navigation_are_as_large_as_stated():
     """Between two pulses they grow from nothing: velocities by t b; r by the gyro's.
 

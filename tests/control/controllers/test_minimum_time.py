@@ -126,6 +126,7 @@ def test_its_reference_is_followed_by_the_tracking_controller(manoeuvre):
     assert np.hypot(*error).max() < 0.02
 
 
+@pytest.mark.slow
 def test_the_reference_has_the_planned_motion_at_the_ends_of_intervals():
     found = hc.minimum_time(
         unicycle(), {"x": 2.0, "y": 1.0}, limits={"speed": (0, 1), "turn": (-1, 1)}, intervals=10

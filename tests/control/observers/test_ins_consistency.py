@@ -278,6 +278,7 @@ def test_coupled_filter_finds_the_heading_from_motion_alone(rng):
     assert result.nis_inside >= 0.9
 
 
+@pytest.mark.slow
 def test_coupled_filter_does_not_believe_to_learn_the_heading_at_rest(rng):
     """The plain extended Kalman filter does: the accelerometers' noise looks like motion to it."""
     s = SensorErrors(heading=0.3, gyro_walk=0.0, acceleration_walk=0.0, acceleration_noise=(0.06, 0.06))
@@ -330,6 +331,7 @@ def test_range_filter_is_consistent_and_sees_heading_and_bias(rng):
 PAIR = Beacons([(0.0, 0.0), (4.0, 0.2)], 2.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("at", [(1.5, 1.8), (1.5, -5.0)], ids=["left", "right"])
 def test_two_beacons_do_on_either_side_of_their_line(rng, at):
     """The pose at the start tells the side; the craft drifts 2.6 m along y and stays on it."""
@@ -350,6 +352,7 @@ def test_on_their_line_two_beacons_do_not_tell_the_side(rng):
     assert (beside[wrong] < 0).all() and (beside[~wrong] > 0).all()
 
 
+@pytest.mark.slow
 def test_a_range_bias_of_two_beacons_is_found_from_motion_and_prior(rng):
     """Two ranges at once cannot tell it; left out, the place is far worse than the filter says."""
     bias = rng.normal(size=RUNS) * 0.05
@@ -361,6 +364,7 @@ def test_a_range_bias_of_two_beacons_is_found_from_motion_and_prior(rng):
     assert trusting.nees_inside < 0.8
 
 
+@pytest.mark.slow
 def test_too_few_ranges_for_a_fix_still_help(rng):
     """Two beacons out of four: no fix could be computed, the filter goes on."""
     s = SensorErrors(gyro_walk=0.0, acceleration_walk=0.0)

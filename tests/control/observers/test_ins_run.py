@@ -250,6 +250,7 @@ def test_beacon_numbers_must_match():
         run_ins(block, still(), [{"time": [0.0], "range_4": [1.0]}])
 
 
+@pytest.mark.slow
 def test_ranges_of_several_units_say_whose_they_are():
     block = range_filter(Beacons([(0, 0), (1, 0), (0, 1)], 2.0), [(0.1, 0.0), (-0.1, 0.0)])
     ranges = {"time": [0.0], **{f"range_{k}": [2.0] for k in (1, 2, 3)}}

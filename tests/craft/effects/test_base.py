@@ -54,6 +54,7 @@ def test_a_new_class_is_known_to_model_files_plants_and_estimators_at_once(skirt
     assert load_model(path) == model
 
 
+@pytest.mark.slow
 def test_a_new_file_in_the_folder_is_all_it_takes(tmp_path):
     package = tmp_path / "hovercontrol"
     shutil.copytree(Path(hovercontrol.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__"))

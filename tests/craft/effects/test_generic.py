@@ -134,6 +134,7 @@ def test_pure_kinematics_is_not_amended():
     assert axes == {"v", ""}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("make", [drive, tanks])
 def test_each_fits_the_machines_units_and_its_machine_code(make, rng):
     model = make()

@@ -137,6 +137,7 @@ def test_two_ranges_or_beacons_in_a_line_give_no_place():
 # ---- two ranges of more beacons ----------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_of_two_ranges_the_place_nearer_to_the_previous_one_is_taken(rng):
     square = Beacons([(0.0, 0.0), (3.0, 0.0), (3.0, 3.0), (0.0, 3.0)], [2.5, 2.6, 2.7, 2.4])
     at = rng.uniform(0.2, 2.8, (2, 400))

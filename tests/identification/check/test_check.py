@@ -123,6 +123,7 @@ def test_a_log_given_twice_is_an_error(log):
     assert "again.csv" in found.errors[0]
 
 
+@pytest.mark.slow
 def test_it_is_json_and_a_picture(checked, tmp_path):
     files = checked.save(tmp_path)
     assert [f.name for f in files] == ["check.json", "check.png", "check.svg", "check.txt"]
@@ -187,6 +188,7 @@ def test_a_log_of_a_navigation_is_told_from_one_with_wrong_poses():
     assert found.rejected == () and "output of a navigation" in found.remarks[0]
 
 
+@pytest.mark.slow
 def test_the_picture_of_a_long_log_is_small(tmp_path):
     t = 0.01 * np.arange(50_000)
     rng = np.random.default_rng(0)

@@ -118,7 +118,7 @@ def test_commands_in_other_units_or_of_the_other_sign_are_refused(column, factor
     assert "\n" not in str(error.value)
 
 
-@pytest.mark.slow("[0.01]")
+@pytest.mark.slow
 @pytest.mark.parametrize("given", [0.01, -0.01])
 def test_a_small_effect_of_the_model_may_be_far_off(given):
     case = make(1, ["thrust_yaw_torque"], Conditions(duration=24.0))

@@ -240,6 +240,7 @@ def test_blocks_that_tell_nothing_are_left_out_of_the_picture(sloping, pages):
     assert picture.count('<circle class="log0"') == sloping.found.evidence["slope"].blocks.n
 
 
+@pytest.mark.slow
 def test_two_logs_of_one_name_are_kept_apart(tmp_path):
     case = make(11, ["slope"], Conditions(duration=12.0))
     logs = [Log("log.csv", log.time, log.columns) for log in (case.logs[0], case.logs[1].between(1.0, 12.0))]

@@ -102,6 +102,7 @@ def unexplained(patched, tmp_path_factory):
     return write_report(found, tmp_path_factory.mktemp("page") / "report.html")
 
 
+@pytest.mark.slow
 @browsed
 @pytest.mark.parametrize("dark", [False, True])
 @pytest.mark.parametrize("verdict", ["report", "unexplained"])

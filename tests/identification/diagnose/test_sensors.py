@@ -73,6 +73,7 @@ def test_random_forces_take_what_acts_on_the_craft(gusty):
     assert gusty.found.slow_errors == () and not only_noise(gusty.found.selection.final, CRITERIA)
 
 
+@pytest.mark.slow
 def test_a_gyro_that_drifts_has_no_constant_bias(case):
     """Its mean is one, but not the same in all blocks."""
 

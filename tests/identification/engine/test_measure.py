@@ -61,6 +61,7 @@ def test_exact_and_truly_irregular_stamps_are_kept(rudder_log, rng):
     assert measure(plant, Log("own", np.sort(own), sampled)).time.tolist() == np.sort(own).tolist()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("channels", [VELOCITY, (*POSE, *VELOCITY)], ids="/".join)
 def test_rows_of_commands_alone_keep_their_time_and_cost_nothing(rudder_log, channels):
     """Samples at 45 Hz, commands when they change: what is found is that of the commands' own times."""

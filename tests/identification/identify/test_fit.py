@@ -75,6 +75,7 @@ def test_velocity_logs_leave_the_pose_out(rudder_log):
     assert set(found.residual) == set(VELOCITY)
 
 
+@pytest.mark.slow
 def test_friction_width_can_be_sought(rudder_log):
     truth = c17_experiment().with_effects([effect("surge_coulomb", 1.35, width=0.03)])
     start = c17_experiment()
@@ -92,6 +93,7 @@ def test_a_cart_with_measured_position_is_identified(cart, cart_log):
     assert found.block.parameter("cart.gain").start == found["gain"].value
 
 
+@pytest.mark.slow
 def test_standard_errors_cover_the_truth(cart, cart_log):
     truth = {"drag": 0.6, "gain": 1.7}
     hits = []
@@ -295,6 +297,7 @@ def test_a_fit_that_does_not_explain_the_log_says_how_much_remains(rudder_log):
     assert right.misfit == "" and max(r.share for r in right.remaining) < 0.1
 
 
+@pytest.mark.slow
 def test_a_model_that_moves_by_the_commands_of_another_run_predicts_nothing(cart, cart_log, rudder_log):
     log, other = cart_log(1, seconds=60.0), cart_log(2, seconds=60.0)
     found = identify(cart, [log.with_columns({"F": other["F"]})])
@@ -332,6 +335,7 @@ def weak(rudder_log, seed):
     return slow.with_columns({c: slow[c] + 0.3 * rng.standard_normal(len(slow)) for c in POSE})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(8))
 def test_a_log_that_tells_little_ends_in_what_rounding_does_not_change(rudder_log, seed):
     """Another processor rounds otherwise: numbers changed by 1e-13 to 1e-10 of themselves do the same.

@@ -80,6 +80,7 @@ def test_a_model_with_effects_is_identified_with_them():
     assert found.model.effects == late.effects and found.block.delays
 
 
+@pytest.mark.slow
 def test_parameters_that_are_not_linear_are_fitted_and_not_confused_between_models():
     v, u = hc.Signal("v", "m/s"), hc.Signal("u", "N")
     m, d = hc.Signal("m", "kg", start=1.0, lower=0.1), hc.Signal("d", "1/s", start=0.7)

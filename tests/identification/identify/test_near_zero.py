@@ -43,6 +43,7 @@ def test_intervals_hold_the_truth_near_zero():
     assert sum(inside.values()) >= 0.9 * 20 * len(inside), inside
 
 
+@pytest.mark.slow
 def test_each_log_counts_by_its_own_noise():
     rng = np.random.default_rng(3)
     quiet, loud = log(rng, 1e-3), log(rng, 2e-2)

@@ -84,6 +84,7 @@ def test_divided_scores_have_the_variance_of_their_information():
     assert dispersion_of(divided(found, phi), e / np.sqrt(phi[0])) == pytest.approx(1.0)
 
 
+@pytest.mark.slow
 def test_dispersion_divides_the_evidence():
     run = log(600, slow, 1)
     watch = monitored(false_alarms_per_hour=1.0, motion=run, dispersion=True)

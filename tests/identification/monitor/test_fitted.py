@@ -42,6 +42,7 @@ def test_standard_errors_of_a_fit_are_those_of_identify(log):
         assert f"estimate of {name}" in [s.description for s in block.states]
 
 
+@pytest.mark.slow
 def test_a_change_of_an_uncertain_coefficient_is_put_into_its_estimate():
     block = hc.monitor(
         cart(), ["c"], false_alarms_per_hour=1.0, period=PERIOD, measured=["v"],
