@@ -1,4 +1,4 @@
-"""Run the quick tests with other versions: ``make oldest``, ``make newest``.
+"""Run quick tests with other versions: ``make oldest``, ``make newest``.
 
 ``oldest`` installs the oldest versions that pyproject.toml allows, on the oldest Python; ``newest`` the
 newest of every dependency, on the newest Python of this machine, and takes a tenth of them: the first test
