@@ -23,6 +23,9 @@ from hovercontrol.identification.engine.measure import Measured
 
 Array = NDArray[np.float64]
 
+#: Number of sets of parameters for which the input states of a log are cached.
+HELD = 2
+
 #: Fraction of a command's range below which a change counts as rounding error.
 ROUNDING = 1e-8
 
@@ -54,10 +57,14 @@ FIRST, SECONDS, MOST_STEPS = 16, (4e-3, 1e-3), 256
 
 @dataclass(frozen=True, eq=False)
 class _Laws:
-    """Laws by which states follow from commands: a and b of ``x' = a x + b`` if all are linear, else none."""
+    """Laws by which states follow from commands: a and b of ``x' = a x + b`` if all are linear, else none.
+
+    `uses` are the indices of the parameters that they contain.
+    """
 
     indices: tuple[int, ...]
     linear: tuple[tuple[Callable[..., float], Callable[..., Array]], ...]
+    uses: tuple[int, ...]
 
 
 @lru_cache(maxsize=500)
@@ -113,7 +120,9 @@ def _laws(block: Block, motion: tuple[str, ...]) -> _Laws | None:
         if not (a.free_symbols <= set(keys) and a != 0 and b.free_symbols <= {*keys, *inputs}):
             break
         linear.append((sp.lambdify([keys], a), sp.lambdify([keys, inputs], b, modules="numpy")))
-    return _Laws(driven, tuple(linear) if len(linear) == len(driven) else ())
+    symbols = set().union(*(e.free_symbols for e in rates))
+    uses = tuple(i for i, key in enumerate(keys) if key in symbols)
+    return _Laws(driven, tuple(linear) if len(linear) == len(driven) else (), uses)
 
 
 def command_times(log: Measured) -> tuple[Array, Array]:
@@ -220,6 +229,11 @@ class Arrival:
         change = changes(inputs)
         self._changes, self._sizes = time[change > 0], change[change > 0]
         self._laws = _laws(block, motion)
+        self._courses: dict[tuple[float, ...], list[Callable[[Array], tuple[Array, Array]]]] = {}
+
+    def numbers(self, parameters: Sequence[float]) -> tuple[float, ...]:
+        """Return the parameters on which the input states depend."""
+        return tuple(parameters[i] for i in self._laws.uses) if self._laws else ()
 
     def at(self, when: Array, delay: float = 0.0) -> Array:
         """Return the inputs at times `when` [s], delayed by `delay` [s], shape (n_inputs, ...)."""
@@ -279,26 +293,21 @@ class Arrival:
         laws = self._laws
         if laws is None:
             return {}
-        t = when - delay
-        if not laws.linear:
-            times, values = self._stepped(laws, parameters)
-            now = [np.interp(t, times, row, left=0.0) for row in values]
-            found = list(zip(now, _integrated(times, values, t), strict=True))
-        else:
-            at = np.maximum(np.searchsorted(self.time, t + 1e-9 * self._tempo, side="right") - 1, 0)
-            later = np.maximum(t - self.time[at], 0.0)  # before the log, commands are zero
-            found = [self._followed(a_of, b_of, parameters, at, later) for a_of, b_of in laws.linear]
-        return dict(zip(laws.indices, found, strict=True))
+        key = self.numbers(parameters)
+        if key not in self._courses:
+            while len(self._courses) >= HELD:
+                del self._courses[next(iter(self._courses))]
+            self._courses[key] = (
+                [self._course(a_of, b_of, parameters) for a_of, b_of in laws.linear]
+                if laws.linear
+                else self._stepped(laws, parameters)
+            )
+        return {i: course(when - delay) for i, course in zip(laws.indices, self._courses[key], strict=True)}
 
-    def _followed(
-        self,
-        a_of: Callable[..., float],
-        b_of: Callable[..., Array],
-        parameters: Sequence[float],
-        at: NDArray[np.intp],
-        later: Array,
-    ) -> tuple[Array, Array]:
-        """Return the state of ``x' = a x + b`` at `later` [s] after rows `at`, and its integral; exact."""
+    def _course(
+        self, a_of: Callable[..., float], b_of: Callable[..., Array], parameters: Sequence[float]
+    ) -> Callable[[Array], tuple[Array, Array]]:
+        """Return a function of time that returns the state of ``x' = a x + b`` and its integral; exact."""
         # With g = -b/a held from row to row and x_0 = x(t_0) = 0:
         #   x(t_k + s) = g + (x_k - g) exp(a s),  integral over s: g s + (x_k - g)/a (exp(a s) - 1)
         a, steps = float(a_of(parameters)), np.diff(self.time)
@@ -308,11 +317,19 @@ class Arrival:
         start = solve_banded((1, 0), bands, np.append(0.0, (1.0 - fade) * goal[:-1]), check_finite=False)
         off = (start - goal) / a
         before = np.append(0.0, np.cumsum(goal[:-1] * steps + off[:-1] * np.expm1(a * steps)))
-        grown = off[at] * np.expm1(a * later)
-        return start[at] + a * grown, np.asarray(before[at] + goal[at] * later + grown)
 
-    def _stepped(self, laws: _Laws, parameters: Sequence[float]) -> tuple[Array, Array]:
-        """Integrate nonlinear laws; return times, shape (m,), and the states at them, shape (n, m)."""
+        def course(t: Array) -> tuple[Array, Array]:
+            at = np.maximum(np.searchsorted(self.time, t + 1e-9 * self._tempo, side="right") - 1, 0)
+            later = np.maximum(t - self.time[at], 0.0)  # before the log, commands are zero
+            grown = off[at] * np.expm1(a * later)
+            return start[at] + a * grown, np.asarray(before[at] + goal[at] * later + grown)
+
+        return course
+
+    def _stepped(
+        self, laws: _Laws, parameters: Sequence[float]
+    ) -> list[Callable[[Array], tuple[Array, Array]]]:
+        """Integrate nonlinear laws; return a function of time for each state, as :meth:`_course`."""
         steps = np.diff(self.time)
         early = np.minimum(SECONDS[0] * self._tempo, 0.5 * steps)
         rest = np.clip(np.ceil((steps - early) / (SECONDS[1] * self._tempo)), 1, MOST_STEPS).astype(np.intp)
@@ -325,28 +342,24 @@ class Arrival:
         unused = np.zeros((len(self.block.states), *h.shape))
         held = self.inputs[:, row][..., None]
         middle = ends[:, None] - 0.5 * h
-        return times, follow(self.block, laws.indices, middle, h, unused, held, parameters)[..., 0]
+        values = follow(self.block, laws.indices, middle, h, unused, held, parameters)[..., 0]
+        return [_between(times, row) for row in values]
 
 
-def _integrated(times: Array, values: Array, when: Array) -> Array:
-    """Return the integrals up to `when` of piecewise linear functions, constant after the last time.
+def _between(times: Array, values: Array) -> Callable[[Array], tuple[Array, Array]]:
+    """Return a function of time that returns a piecewise linear function and its integral.
 
-    Parameters
-    ----------
-    times : ndarray, shape (m,)
-    values : ndarray, shape (n, m)
-        Zero before the first time.
-    when : ndarray, shape (...)
-
-    Returns
-    -------
-    ndarray, shape (n, ...)
+    The function is zero before the first of the times and constant after the last one.
     """
     # integral to t = sum of h (v_i + v_(i+1))/2 over whole intervals + (v + v' s/2) s, s = t - t_k
     steps = np.diff(times)
-    before = np.zeros(values.shape)
-    before[:, 1:] = np.cumsum(0.5 * steps * (values[:, :-1] + values[:, 1:]), axis=1)
-    slope = np.append(np.diff(values) / steps, np.zeros((len(values), 1)), axis=1)
-    at = np.clip(np.searchsorted(times, when, side="right") - 1, 0, times.size - 1)
-    later = np.maximum(when - times[at], 0.0)
-    return before[:, at] + (values[:, at] + 0.5 * slope[:, at] * later) * later
+    before = np.append(0.0, np.cumsum(0.5 * steps * (values[:-1] + values[1:])))
+    slope = np.append(np.diff(values) / steps, 0.0)
+
+    def course(t: Array) -> tuple[Array, Array]:
+        at = np.clip(np.searchsorted(times, t, side="right") - 1, 0, times.size - 1)
+        later = np.maximum(t - times[at], 0.0)
+        rise = slope[at] * later
+        return np.where(t < times[0], 0.0, values[at] + rise), before[at] + (values[at] + 0.5 * rise) * later
+
+    return course

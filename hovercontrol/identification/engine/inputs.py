@@ -55,6 +55,10 @@ class Inputs:
         """Return the delay of the commands [s]."""
         return sum(parameters[at] for at in self._timing)
 
+    def numbers(self, parameters: Sequence[float]) -> tuple[float, ...]:
+        """Return the parameters on which the states that follow from the commands depend."""
+        return self._likely[0].numbers(parameters)
+
     def arrivals(self, late: bool = False) -> list[Arrival]:
         """Return the commands of each log; if `late`, uncertain ones one standard deviation later."""
         return self._late if late else self._likely

@@ -21,7 +21,7 @@ from hovercontrol.blocks.block import Block
 from hovercontrol.craft.models.base import shown_by
 from hovercontrol.identification.engine.data import Data
 from hovercontrol.identification.engine.inputs import Inputs
-from hovercontrol.identification.engine.steps import Counts, Steps
+from hovercontrol.identification.engine.steps import HELD, Counts, Steps
 from hovercontrol.identification.engine.subject import (
     FOLLOWED,
     Subject,
@@ -192,6 +192,7 @@ class Problem(Unknowns):
             rate = followed_rate(float(self.dt.max()) / MOST, self.tempo)
             self._every[keys.index(limit)] = rate
             pieces = np.maximum(pieces, np.ceil(self.dt.ravel() * rate / FOLLOWED).astype(np.intp))
+        self._steps: dict[bytes, Steps] = {}  # shared by copies: the times of the rows are theirs, too
         self.set_pieces(pieces)
 
     def of(self, model: Subject) -> Problem:
@@ -283,7 +284,12 @@ class Problem(Unknowns):
 
     def set_pieces(self, pieces: int | Counts) -> None:
         """Set the number of sub-steps of all steps from row to row, or of each step, shape (N,)."""
-        self.steps = Steps(self.rows, self.inputs, np.clip(pieces, 1, MOST))
+        each = np.broadcast_to(np.clip(pieces, 1, MOST), self.dt.size).astype(np.intp)
+        key = each.tobytes()
+        found = self._steps.pop(key, None) or Steps(self.rows, self.inputs, each)
+        while len(self._steps) >= HELD:
+            del self._steps[next(iter(self._steps))]
+        self.steps = self._steps[key] = found
         self.each, self.pieces = self.steps.each, self.steps.pieces
 
     @property

@@ -115,29 +115,31 @@ class Steps:
         self.each = np.broadcast_to(np.asarray(pieces, dtype=np.intp), self._dt.size)
         self.pieces = int(self.each.max())
         self._alike = [(int(n), np.flatnonzero(self.each == n)) for n in np.unique(self.each)]
-        self._held: dict[tuple[float, bool], list[SubSteps]] = {}
+        self._held: dict[tuple[float, bool], tuple[tuple[float, ...], list[SubSteps]]] = {}
 
     def divided(self, parameters: Sequence[float], late: bool = False) -> list[tuple[Counts, SubSteps]]:
         """Return, for each number of sub-steps, the indices of its steps and their sub-steps.
 
-        The means of the inputs depend on the delay alone. They are cached for the last few delays.
+        The means of the inputs depend on the delay alone, those of the states that follow from them on a few
+        parameters. They are cached for the last few delays.
 
         Parameters
         ----------
         late : bool, optional
             Whether commands whose time of change is uncertain act one standard deviation later.
         """
-        key = self.inputs.delay(parameters), late
-        if key in self._held:
+        key, numbers = (self.inputs.delay(parameters), late), self.inputs.numbers(parameters)
+        before, parts = self._held.pop(key, (numbers, []))
+        if not parts:
+            parts = [self._sub_steps(parameters, *alike, late) for alike in self._alike]
+        elif before != numbers:
             parts = [
                 replace(s, lagged=self.inputs.lagged(parameters, s.t, s.h, self.log[at], late=late))
-                for s, (_, at) in zip(self._held[key], self._alike, strict=True)
+                for s, (_, at) in zip(parts, self._alike, strict=True)
             ]
-        else:
-            parts = [self._sub_steps(parameters, *alike, late) for alike in self._alike]
-            while len(self._held) >= HELD:
-                del self._held[next(iter(self._held))]
-            self._held[key] = parts
+        while len(self._held) >= HELD:
+            del self._held[next(iter(self._held))]
+        self._held[key] = numbers, parts
         return [(at, s) for (_, at), s in zip(self._alike, parts, strict=True)]
 
     def in_time(self, parameters: Sequence[float]) -> InTime:
