@@ -1,4 +1,4 @@
-"""Where the time of a diagnosis goes: six fixed cases, seconds of processor time by step, each case by itself.
+"""Where the time of a diagnosis goes: six fixed cases, each by itself, seconds of processor time by step.
 
 ``python -m benchmarks.diagnose_profile none gusts`` runs two of them; ``--wall`` prints seconds on the clock.
 The first run on a machine compiles the models' libraries too.
@@ -112,7 +112,9 @@ class Profile:
             self.turn()
             self._open.pop()
 
-    def _called(self, with_it: Callable[[Any], None], call: Callable[..., Any], *given: Any, **named: Any) -> Any:
+    def _called(
+        self, with_it: Callable[[Any], None], call: Callable[..., Any], *given: Any, **named: Any
+    ) -> Any:
         found = call(*given, **named)
         with_it(found)
         return found
@@ -160,7 +162,9 @@ def profile(name: str) -> dict[str, Any]:
     }
 
 
-def rows(names: Sequence[str] = tuple(CASES), clock: bool = False) -> Iterator[tuple[str, str, str, bool | None]]:
+def rows(
+    names: Sequence[str] = tuple(CASES), clock: bool = False
+) -> Iterator[tuple[str, str, str, bool | None]]:
     for name in names:
         if name in ("six fans", "own machine") and not real_craft.DATA.exists():
             yield name, "skipped: no data", "", None
@@ -174,7 +178,12 @@ def rows(names: Sequence[str] = tuple(CASES), clock: bool = False) -> Iterator[t
         for step, seconds in by_step:
             yield f"  {step}", f"{seconds[clock]:.2f} s", "", None
         passes = found["passes"] / max(found["fits"], 1)
-        yield "  fits, thrown away, passes a fit", f"{found['fits']}, {found['thrown away']}, {passes:.1f}", "", None
+        yield (
+            "  fits, thrown away, passes a fit",
+            f"{found['fits']}, {found['thrown away']}, {passes:.1f}",
+            "",
+            None,
+        )
         yield "  peak memory", f"{found['peak']:.2f} GiB ({found['begin']:.2f} before)", "", None
 
 

@@ -22,7 +22,7 @@ from hovercontrol.identification.engine.fit import Fit
 from hovercontrol.identification.engine.groups import groups, said_of
 from hovercontrol.identification.engine.kalman import run_filter
 from hovercontrol.identification.engine.noise import augment
-from hovercontrol.identification.engine.passes import inverse, products
+from hovercontrol.identification.engine.passes import inverse
 from hovercontrol.identification.engine.step_control import controlled, deviations
 
 Array = NDArray[np.float64]
@@ -67,15 +67,15 @@ def information(fit: Fit) -> Array:
     # S = J'J with whitened sensitivities J, without the prior; in own units S_ij / (dp_i/dz_i dp_j/dz_j)
     n = len(fit.problem.free)
     path, slope = fit.path.copy(), fit.problem.slope(fit.p)
-    std = np.sqrt(np.maximum(np.diagonal(fit.covariance_of_path, axis1=2, axis2=3)[..., :n], 0.0))
+    std = np.sqrt(np.maximum(fit.variance_of_path[..., :n], 0.0))
     free = path[..., list(fit.problem.free)]
     path[..., list(fit.problem.free)] = np.where(np.abs(free) < EXCITATION.resting * std, 0.0, free)
     path = fit.problem.rows.joined(path)
-    problem = controlled(fit.problem, path, fit.p, deviations(fit.problem, fit.covariance_of_path))
+    problem = controlled(fit.problem, path, fit.p, deviations(fit.problem, fit.variance_of_path))
     linear = problem.linearise(path, fit.p)
     linear = replace(linear, start=np.where(problem.hidden, EXCITATION.anywhere, 1.0) * linear.start)
     if linear.resolved:
-        S = products(run_filter(augment(problem, linear, fit.noise)).white)[:, 1:, 1:].sum(axis=0)
+        S = run_filter(augment(problem, linear, fit.noise)).products[:, 1:, 1:].sum(axis=0)
     else:
         S = fit.S.sum(axis=0)
     return np.asarray(S / np.outer(slope, slope))
@@ -108,7 +108,7 @@ def widening(fit: Fit) -> Array:
     """
     # k_i = sqrt(variance / variance with gains fixed), both with the prior
     problem = fit.problem
-    bare = products(run_filter(augment(problem, fit.linear, fit.noise)).white)[:, 1:, 1:].sum(axis=0)
+    bare = run_filter(augment(problem, fit.linear, fit.noise)).products[:, 1:, 1:].sum(axis=0)
     plain = np.diag(inverse(bare + np.diag(fit.prior.precision))) * problem.slope(fit.p) ** 2
     return np.sqrt(np.maximum(np.diag(fit.covariance), 0.0) / np.maximum(plain, 1e-300))
 

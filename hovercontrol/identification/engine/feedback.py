@@ -34,7 +34,7 @@ def fed_back(fit: Fit, level: float) -> bool:
     # R^2 of the latter, N R^2 is chi-square distributed if only its own past tells of u (Lagrange multiplier
     # form of the test of Granger, Econometrica 37 (1969)).
     problem = fit.problem
-    white = run_filter(augment(problem, fit.linear, fit.noise, unknowns=False)).white[..., 0]
+    white = run_filter(augment(problem, fit.linear, fit.noise, unknowns=False), rows=True).white[..., 0]
     pieces = [_piece(fit, white, int(n)) for n in np.unique(problem.rows.piece)]
     for i in range(len(problem.block.inputs)):
         own, past, errors = (

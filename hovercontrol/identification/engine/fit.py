@@ -133,8 +133,8 @@ class Fit:
         The smoothed missing accelerations.
     drift : ndarray, shape (K, W, C)
         The smoothed error of a navigation in each channel.
-    covariance_of_path : ndarray, shape (K, W, N, N)
-        Covariance of all states of :func:`.augment` (free states first, then missing accelerations), given
+    variance_of_path : ndarray, shape (K, W, N)
+        Variance of all states of :func:`.augment` (free states first, then missing accelerations), given
         the unknowns.
     left : ndarray, shape (K, W, C)
         Measured minus smoothed path, in standard deviations of that difference; zero where not measured.
@@ -153,7 +153,7 @@ class Fit:
     g: Array
     missing: Array
     drift: Array
-    covariance_of_path: Array
+    variance_of_path: Array
     left: Array
     converged: bool
 
@@ -338,7 +338,7 @@ class _Iteration:
                 for v in costs_of(problem, self.noise, self.prior, now)
             )
         (step, along), here, there = now.steps(problem), problem.inside(now.p), now.path
-        std = deviations(problem, now.smooth.covariance)
+        std = deviations(problem, now.smooth.variance)
         known = np.diag(now.S.sum(axis=0)) + self.prior.precision if step.any() else np.zeros_like(step)
         moves = (along[..., list(problem.free)] / std).ravel()
         # Step in standard deviations: dz_j sqrt((S + Lambda)_jj) of the unknowns, dx / sigma_x of the path
@@ -444,12 +444,10 @@ class _Iteration:
         """Take the largest fraction of a scoring step that lowers the cost; return whether there is one."""
         now, noise, problem, part = self.now, self.noise, self.problem, 1.0
         count = len(now.p)
-        smooth = run_smoother(
-            now.system, run_filter(now.system, keep=True), np.concatenate([[1.0], step[:count]])
-        )
+        smooth = run_smoother(now.system, run_filter(now.system), np.concatenate([[1.0], step[:count]]))
         along = np.zeros_like(now.path)
         along[..., list(problem.free)] = smooth.state[..., : len(problem.free)]
-        std = deviations(problem, smooth.covariance)
+        std = deviations(problem, smooth.variance)
         while part > LEAST_SCORED:
             p = problem.outside(problem.inside(now.p) + part * step[:count])
             path = now.path + part * along
@@ -474,7 +472,7 @@ class _Iteration:
         return Fit(
             problem, now.p, now.path, self.noise, self.prior, now.linear, now.cost,
             rows.by_block(now.block_costs), rows.by_block(S), rows.by_block(g),
-            smooth.state[..., n:end], drift, smooth.covariance, residuals(problem, now), converged,
+            smooth.state[..., n:end], drift, smooth.variance, residuals(problem, now), converged,
         )  # fmt: skip
 
     def _moving(self) -> None:

@@ -19,23 +19,101 @@ enum { PAD = (N + 3) / 4 * 4 };
 
 typedef double row[PAD];
 
-/* Arrays of System, Filtered and Smoothed; `half` to `Z` may be NULL in a filter run. */
+enum { GROUPS = 4 };
+
+/* System, Filtered and Smoothed of kalman.py. A system is given by the matrices of all N states, or (Q is NULL) by those
+ * of its first `states`, which missing accelerations drive. Columns come in groups; NULL: zeros. If `weights` is not
+ * NULL there is one column, their sum with these weights. `white` and `log_det` may be NULL. */
 typedef struct {
-    long rows, stretches, columns;
-    const double *A, *Q, *drive, *H, *R, *seen, *P0;
-    double *white, *log_det, *half, *back, *P, *Z;
+    long rows, stretches, columns, groups, states, width, driven, sampled;
+    long count[GROUPS];
+    long drive_strides[GROUPS][2], seen_strides[GROUPS][2]; /* from state or channel to the next, from column to the next */
+    const double *drive[GROUPS], *seen[GROUPS];
+    const double *A, *Q, *H, *R, *P0, *moments;
+    const long *of; /* driven states */
+    double *products, *log_dets, *P, *Z, *white, *log_det;
     const double *weights;
-    double *state, *covariance, *push, *information;
+    double *state, *variance, *known, *forces;
 } kalman;
 
-static void measure(const kalman *s, size_t at, row *P, double *Z, int *bad)
+/* What the smoother needs of a row. */
+typedef struct {
+    row P[N], A[N];
+    double z[N], white[C], half[C][N], back[C][N];
+} kept;
+
+/* What an acceleration held over a step changes at its end: of a sampled model the next value, else (A + I) e / 2. */
+static void gamma_of(const kalman *s, const row *A, int j, double *g)
+{
+    const long d = s->of[j];
+    for (int i = 0; i < s->states; i++)
+        g[i] = s->sampled ? (i == d) : 0.5 * A[i][d] + (i == d ? 0.5 : 0.0);
+}
+
+/* Moments of the missing acceleration j over a step: see noise.py. */
+static double moment(const kalman *s, size_t at, int which, int j)
+{
+    const size_t steps = (size_t)((s->rows - 1) * s->stretches);
+    return s->moments[((size_t)which * steps + at) * (size_t)s->driven + (size_t)j];
+}
+
+/* The transition matrix of a step and, unless NULL, the covariance of its noise. */
+static void step_of(const kalman *s, size_t at, row *A, row *Q)
+{
+    const long n = s->states, width = s->width;
+    double g[N];
+    memset(A, 0, N * sizeof *A);
+    for (long i = 0; i < width; i++)
+        memcpy(A[i], s->A + (at * (size_t)width + (size_t)i) * (size_t)width, (size_t)width * sizeof(double));
+    if (s->Q) {
+        for (int i = 0; i < N && Q; i++)
+            memcpy(Q[i], s->Q + (at * N + (size_t)i) * N, N * sizeof(double));
+        return;
+    }
+    if (Q)
+        memset(Q, 0, N * sizeof *Q);
+    for (int j = 0; j < s->driven; j++) {
+        const double held = moment(s, at, 1, j), pushed = moment(s, at, 2, j), both = moment(s, at, 3, j);
+        gamma_of(s, A, j, g);
+        A[n + j][n + j] = moment(s, at, 0, j);
+        for (long i = 0; i < n; i++) {
+            A[i][n + j] = g[i] * held;
+            if (!Q || g[i] == 0.0)
+                continue;
+            Q[i][n + j] = Q[n + j][i] = g[i] * both;
+            for (long l = 0; l < n; l++)
+                Q[i][l] += g[i] * pushed * g[l];
+        }
+        if (Q)
+            Q[n + j][n + j] = moment(s, at, 4, j);
+    }
+}
+
+/* All columns of a state or channel at a row, from their groups. */
+static void gather(const kalman *s, const double *const *from, const long (*strides)[2], size_t at, double *into)
+{
+    const double *weights = s->weights;
+    if (weights)
+        *into = 0.0;
+    for (long g = 0; g < s->groups; g++) {
+        const double *own = from[g] ? from[g] + at * (size_t)strides[g][0] : NULL;
+        for (long j = 0; j < s->count[g]; j++) {
+            const double value = own ? own[j * strides[g][1]] : 0.0;
+            if (weights)
+                *into += *weights++ * value;
+            else
+                *into++ = value;
+        }
+    }
+}
+
+static void measure(const kalman *s, size_t at, row *P, double *Z, double *whites, double *log_det, kept *keep, int *bad)
 {
     const long m = s->columns;
-    double halves[C][N], backs[C][N];
     for (int c = 0; c < C; c++) {
-        const double *h = s->H + (at * C + c) * N, *seen = s->seen + (at * C + c) * m;
-        double *white = s->white + (at * C + c) * m, F = s->R[at * C + c], root;
+        double *white = whites + c * m, F = s->R[at * C + c], root, h[N] = {0};
         row Ph = {0};
+        memcpy(h, s->H + (at * C + c) * (size_t)s->width, (size_t)s->width * sizeof *h);
         for (int i = 0; i < N; i++)
             if (h[i] != 0.0)
                 for (int j = 0; j < PAD; j++)
@@ -47,8 +125,8 @@ static void measure(const kalman *s, size_t at, row *P, double *Z, int *bad)
             return;
         }
         root = sqrt(F);
-        s->log_det[at * C + c] = log(F);
-        memcpy(white, seen, (size_t)m * sizeof *white);
+        log_det[c] = log(F);
+        gather(s, s->seen, s->seen_strides, at * C + (size_t)c, white);
         for (int i = 0; i < N; i++)
             if (h[i] != 0.0)
                 for (long j = 0; j < m; j++)
@@ -65,36 +143,37 @@ static void measure(const kalman *s, size_t at, row *P, double *Z, int *bad)
             for (int j = 0; j < PAD; j++)
                 P[i][j] -= Ph[i] * Ph[j];
         }
-        if (!s->half)
+        if (!keep)
             continue;
-        memcpy(halves[c], Ph, sizeof halves[c]);
-        memcpy(backs[c], h, sizeof backs[c]);
+        memcpy(keep->half[c], Ph, sizeof keep->half[c]);
+        memcpy(keep->back[c], h, sizeof keep->back[c]);
         for (int d = 0; d < c; d++) {
             double both = 0.0;
             for (int i = 0; i < N; i++)
-                both += h[i] * halves[d][i];
+                both += h[i] * keep->half[d][i];
             for (int i = 0; i < N; i++)
-                backs[c][i] -= both * backs[d][i];
+                keep->back[c][i] -= both * keep->back[d][i];
         }
         for (int i = 0; i < N; i++)
-            backs[c][i] /= root;
-    }
-    if (s->half) {
-        memcpy(s->half + at * C * N, halves, sizeof halves);
-        memcpy(s->back + at * C * N, backs, sizeof backs);
+            keep->back[c][i] /= root;
     }
 }
 
-static void predict(const kalman *s, size_t at, row *P, double *Z, double *ahead)
+static void predict(const kalman *s, size_t at, row *A, row *P, double *Z, double *ahead)
 {
     const long m = s->columns;
-    const double *A = s->A + at * N * N, *Q = s->Q + at * N * N;
-    row T[N], U[N];
-    memcpy(ahead, s->drive + at * N * m, (size_t)(N * m) * sizeof *ahead);
+    row Q[N], T[N], U[N];
+    step_of(s, at, A, Q);
+    for (long i = 0; i < N; i++) {
+        if (i < s->width)
+            gather(s, s->drive, s->drive_strides, at * (size_t)s->width + (size_t)i, ahead + i * m);
+        else
+            memset(ahead + i * m, 0, (size_t)m * sizeof *ahead);
+    }
     for (int i = 0; i < N; i++) {
         memset(T[i], 0, sizeof T[i]);
         for (int k = 0; k < N; k++) {
-            const double a = A[i * N + k];
+            const double a = A[i][k];
             if (a == 0.0)
                 continue;
             for (int j = 0; j < PAD; j++)
@@ -110,7 +189,7 @@ static void predict(const kalman *s, size_t at, row *P, double *Z, double *ahead
     for (int i = 0; i < N; i++) {
         memset(P[i], 0, sizeof P[i]);
         for (int k = 0; k < N; k++) {
-            const double a = A[i * N + k];
+            const double a = A[i][k];
             if (a == 0.0)
                 continue;
             for (int j = 0; j < PAD; j++)
@@ -119,46 +198,82 @@ static void predict(const kalman *s, size_t at, row *P, double *Z, double *ahead
     }
     for (int i = 0; i < N; i++)
         for (int j = 0; j <= i; j++)
-            P[i][j] = P[j][i] = 0.5 * (P[i][j] + P[j][i] + Q[i * N + j] + Q[j * N + i]);
+            P[i][j] = P[j][i] = 0.5 * (P[i][j] + P[j][i] + Q[i][j] + Q[j][i]);
 }
 
-/* Filter a chain of stretches, each of which begins where the one before ends; 1: a covariance is not positive, 2: no memory. */
-EXPORT int kalman_filter(const kalman *s, long from, long to)
+/* Add the inner products of a row's columns to the lower triangle. */
+static void multiply(const double *restrict whites, long m, double *restrict products)
 {
-    const long m = s->columns;
-    double *Z = calloc((size_t)(2 * N * m + 1), sizeof *Z);
-    row P[N] = {{0}};
-    int bad = 0;
-    if (!Z)
-        return 2;
-    for (int i = 0; i < N; i++)
-        memcpy(P[i], s->P0 + ((size_t)from * N + (size_t)i) * N, N * sizeof(double));
-    for (long w = from; w < to && !bad; w++) {
-        for (long k = 0; k < s->rows && !bad; k++) {
-            const size_t at = (size_t)(k * s->stretches + w);
-            if (s->half) {
-                for (int i = 0; i < N; i++)
-                    memcpy(s->P + (at * N + (size_t)i) * N, P[i], N * sizeof(double));
-                memcpy(s->Z + at * N * (size_t)m, Z, (size_t)(N * m) * sizeof *Z);
-            }
-            measure(s, at, P, Z, &bad);
-            if (k < s->rows - 1 && !bad)
-                predict(s, at, P, Z, Z + N * m);
+    for (long i = 0; i < m; i++) {
+        double own[C], *to = products + i * m;
+        for (int c = 0; c < C; c++)
+            own[c] = whites[c * m + i];
+        for (long j = 0; j <= i; j++) {
+            double sum = to[j];
+            for (int c = 0; c < C; c++)
+                sum += own[c] * whites[c * m + j];
+            to[j] = sum;
         }
     }
+}
+
+static int filter_chain(const kalman *s, long from, long to, double *Z)
+{
+    const long m = s->columns;
+    double *ahead = Z + N * m, *whites = ahead + N * m, log_det[C];
+    row P[N] = {{0}}, A[N];
+    int bad = 0;
+    memset(Z, 0, (size_t)(N * m) * sizeof *Z);
+    for (int i = 0; i < N; i++)
+        memcpy(P[i], s->P0 + ((size_t)from * N + (size_t)i) * N, N * sizeof(double));
+    for (long w = from; w < to; w++) {
+        double *products = s->products + w * m * m;
+        for (int i = 0; i < N; i++)
+            memcpy(s->P + (w * N + i) * N, P[i], N * sizeof(double));
+        memcpy(s->Z + w * N * m, Z, (size_t)(N * m) * sizeof *Z);
+        for (long k = 0; k < s->rows; k++) {
+            const size_t at = (size_t)(k * s->stretches + w);
+            measure(s, at, P, Z, whites, log_det, NULL, &bad);
+            if (bad)
+                return bad;
+            multiply(whites, m, products);
+            for (int c = 0; c < C; c++)
+                s->log_dets[w] += log_det[c];
+            if (s->white) {
+                memcpy(s->white + at * C * (size_t)m, whites, (size_t)(C * m) * sizeof *whites);
+                memcpy(s->log_det + at * C, log_det, sizeof log_det);
+            }
+            if (k < s->rows - 1)
+                predict(s, at, A, P, Z, ahead);
+        }
+        for (long i = 0; i < m; i++)
+            for (long j = 0; j < i; j++)
+                products[j * m + i] = products[i * m + j];
+    }
+    return 0;
+}
+
+/* Filter chains of stretches, each of which begins where the one before ends; 1: a covariance is not positive, 2: no memory.
+ */
+EXPORT int kalman_filter(const kalman *s, const long *chains, long count)
+{
+    double *Z = malloc((size_t)((2 * N + C) * s->columns + 1) * sizeof *Z);
+    int bad = Z ? 0 : 2;
+    for (long i = 0; i < count && !bad; i++)
+        bad = filter_chain(s, chains[i], chains[i + 1], Z);
     free(Z);
     return bad;
 }
 
-/* X <- A' X A, r <- A' r; rows of A are `width` apart. */
-static void step_back(const double *A, int width, double *r, row *X)
+/* X <- A' X A, r <- A' r. */
+static void step_back(const row *A, double *r, row *X)
 {
     row T[N];
     double next[N] = {0};
     memset(T, 0, sizeof T);
     for (int k = 0; k < N; k++)
         for (int i = 0; i < N; i++) {
-            const double a = A[k * width + i];
+            const double a = A[k][i];
             if (a == 0.0)
                 continue;
             next[i] += a * r[k];
@@ -176,7 +291,7 @@ static void step_back(const double *A, int width, double *r, row *X)
     }
     for (int k = 0; k < N; k++)
         for (int i = 0; i < N; i++) {
-            const double a = A[k * width + i];
+            const double a = A[k][i];
             if (a == 0.0)
                 continue;
             for (int j = 0; j < PAD; j++)
@@ -185,7 +300,7 @@ static void step_back(const double *A, int width, double *r, row *X)
 }
 
 /* X <- J' X J + back' back, r <- J' r + back' e with J = I - half' back. (The expanded form is not stable.) */
-static void take_in(const double *half, const double *back, const double *e, double *r, row *X)
+static void take_in(const kept *at, double *r, row *X)
 {
     row J[N];
     memset(J, 0, sizeof J);
@@ -193,64 +308,125 @@ static void take_in(const double *half, const double *back, const double *e, dou
         J[i][i] = 1.0;
         for (int c = 0; c < C; c++)
             for (int j = 0; j < N; j++)
-                J[i][j] -= half[c * N + i] * back[c * N + j];
+                J[i][j] -= at->half[c][i] * at->back[c][j];
     }
-    step_back(J[0], PAD, r, X);
+    step_back(J, r, X);
     for (int c = 0; c < C; c++)
         for (int i = 0; i < N; i++) {
-            const double b = back[c * N + i];
+            const double b = at->back[c][i];
             if (b == 0.0)
                 continue;
-            r[i] += b * e[c];
+            r[i] += b * at->white[c];
             for (int j = 0; j < N; j++)
-                X[i][j] += b * back[c * N + j];
+                X[i][j] += b * at->back[c][j];
         }
 }
 
-/* Smooth a chain of stretches after a filter run that stored all arrays. */
-EXPORT int kalman_smoother(const kalman *s, long from, long to)
+/* Sums for the size of each missing acceleration: of r' Q_j r and tr(Q_j N), Q_j its share of Q. */
+static void force_sums(const kalman *s, size_t at, const row *A, const double *r, const row *X, double *sums)
+{
+    const long n = s->states;
+    double g[N];
+    for (int j = 0; j < s->driven; j++) {
+        const double pushed = moment(s, at, 2, j), both = moment(s, at, 3, j), own = moment(s, at, 4, j);
+        const double last = r[n + j];
+        double along = 0.0, square = 0.0, cross = 0.0;
+        gamma_of(s, A, j, g);
+        for (long i = 0; i < n; i++) {
+            double Xg = 0.0;
+            if (g[i] == 0.0)
+                continue;
+            for (long l = 0; l < n; l++)
+                Xg += X[i][l] * g[l];
+            along += r[i] * g[i];
+            square += g[i] * Xg;
+            cross += X[n + j][i] * g[i];
+        }
+        sums[2 * j] += pushed * along * along + 2.0 * both * along * last + own * last * last;
+        sums[2 * j + 1] += pushed * square + 2.0 * both * cross + own * X[n + j][n + j];
+    }
+}
+
+/* State, its variances, and those of the channels at a row: x = z + P r, V = P - P X P. */
+static void smoothed(const kalman *s, size_t at, const kept *own, const double *r, const row *X)
+{
+    const row *P = own->P;
+    row T[N];
+    for (int i = 0; i < N; i++) {
+        double z = own->z[i], V = P[i][i];
+        memset(T[i], 0, sizeof T[i]);
+        for (int l = 0; l < N; l++) {
+            z += P[i][l] * r[l];
+            for (int j = 0; j < PAD; j++)
+                T[i][j] += P[i][l] * X[l][j];
+        }
+        for (int l = 0; l < N; l++)
+            V -= T[i][l] * P[i][l];
+        s->state[at * N + (size_t)i] = z;
+        s->variance[at * N + (size_t)i] = V;
+    }
+    for (int c = 0; c < C; c++) {
+        const double *h = s->H + (at * C + (size_t)c) * (size_t)s->width;
+        double known = 0.0;
+        for (long i = 0; i < s->width; i++)
+            for (long l = 0; l < s->width && h[i] != 0.0; l++) {
+                double V = P[i][l];
+                if (h[l] == 0.0)
+                    continue;
+                for (int j = 0; j < N; j++)
+                    V -= T[i][j] * P[l][j];
+                known += h[i] * V * h[l];
+            }
+        s->known[at * C + (size_t)c] = known;
+    }
+}
+
+/* Filter a stretch again from where it begins, one column; then smooth it from r and X at its end to those at its begin. */
+static int smooth_stretch(const kalman *s, long w, kept *rows, double *r, row *X)
 {
     const long m = s->columns;
-    double r[N] = {0};
-    row X[N] = {{0}};
-    for (long w = to - 1; w >= from; w--) {
-        const double *weights = s->weights + w * m;
-        for (long k = s->rows - 1; k >= 0; k--) {
-            const size_t at = (size_t)(k * s->stretches + w);
-            const double *white = s->white + at * C * (size_t)m, *Z = s->Z + at * N * (size_t)m;
-            const double *P = s->P + at * N * N;
-            double e[C] = {0}, z[N] = {0};
-            row T[N];
-            if (k < s->rows - 1) {
-                memcpy(s->push + at * N, r, sizeof r);
-                for (int i = 0; i < N; i++)
-                    memcpy(s->information + (at * N + (size_t)i) * N, X[i], N * sizeof(double));
-                step_back(s->A + at * N * N, N, r, X);
-            }
-            for (int c = 0; c < C; c++)
-                for (long j = 0; j < m; j++)
-                    e[c] += white[c * m + j] * weights[j];
-            for (int i = 0; i < N; i++)
-                for (long j = 0; j < m; j++)
-                    z[i] += Z[i * m + j] * weights[j];
-            take_in(s->half + at * C * N, s->back + at * C * N, e, r, X);
-            for (int i = 0; i < N; i++) {
-                memset(T[i], 0, sizeof T[i]);
-                for (int l = 0; l < N; l++) {
-                    z[i] += P[i * N + l] * r[l];
-                    for (int j = 0; j < PAD; j++)
-                        T[i][j] += P[i * N + l] * X[l][j];
-                }
-            }
-            memcpy(s->state + at * N, z, sizeof z);
-            for (int i = 0; i < N; i++) {
-                double *V = s->covariance + (at * N + (size_t)i) * N;
-                memcpy(V, P + i * N, N * sizeof *V);
-                for (int l = 0; l < N; l++)
-                    for (int j = 0; j < N; j++)
-                        V[j] -= T[i][l] * P[l * N + j];
-            }
-        }
+    kalman one = *s;
+    row P[N] = {{0}};
+    double Z[N] = {0}, ahead[N], log_det[C];
+    int bad = 0;
+    one.weights = s->weights + w * m;
+    one.columns = 1;
+    for (int i = 0; i < N; i++) {
+        memcpy(P[i], s->P + (w * N + i) * N, N * sizeof(double));
+        for (long j = 0; j < m; j++)
+            Z[i] += s->Z[(w * N + i) * m + j] * one.weights[j];
     }
-    return 0;
+    for (long k = 0; k < s->rows && !bad; k++) {
+        const size_t at = (size_t)(k * s->stretches + w);
+        memcpy(rows[k].P, P, sizeof P);
+        memcpy(rows[k].z, Z, sizeof Z);
+        measure(&one, at, P, Z, rows[k].white, log_det, rows + k, &bad);
+        if (k < s->rows - 1)
+            predict(&one, at, rows[k].A, P, Z, ahead);
+    }
+    for (long k = s->rows - 1; k >= 0 && !bad; k--) {
+        const size_t at = (size_t)(k * s->stretches + w);
+        if (k < s->rows - 1) {
+            force_sums(s, at, rows[k].A, r, X, s->forces + 2 * w * s->driven);
+            step_back(rows[k].A, r, X);
+        }
+        take_in(rows + k, r, X);
+        smoothed(s, at, rows + k, r, X);
+    }
+    return bad;
+}
+
+/* Smooth chains of stretches after a filter run. */
+EXPORT int kalman_smoother(const kalman *s, const long *chains, long count)
+{
+    kept *rows = malloc((size_t)s->rows * sizeof *rows);
+    int bad = rows ? 0 : 2;
+    for (long i = 0; i < count; i++) {
+        double r[N] = {0};
+        row X[N] = {{0}};
+        for (long w = chains[i + 1] - 1; w >= chains[i] && !bad; w--)
+            bad = smooth_stretch(s, w, rows, r, X);
+    }
+    free(rows);
+    return bad;
 }

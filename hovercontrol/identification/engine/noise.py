@@ -8,14 +8,16 @@ how much the model lacks.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.identification.engine.damping import Damping
 from hovercontrol.identification.engine.drift import STATES
-from hovercontrol.identification.engine.kalman import Smoothed, System, run_filter
+from hovercontrol.identification.engine.kalman import Forces, Smoothed, System, run_filter
 from hovercontrol.identification.engine.problem import Linear, Problem
 
 Array = NDArray[np.float64]
@@ -70,14 +72,12 @@ class Noise:
         return replace(self, process=process, seconds=seconds, driven=problem.driven_names)
 
 
+#: Contributions of columns to the states from row to row, and to the channels (:class:`.System`).
+Columns: TypeAlias = tuple[Array | None, Array | None]
+
+
 def augment(
-    problem: Problem,
-    linear: Linear,
-    noise: Noise,
-    *,
-    unknowns: bool = True,
-    drive: Array | None = None,
-    seen: Array | None = None,
+    problem: Problem, linear: Linear, noise: Noise, *, unknowns: bool = True, more: Sequence[Columns] = ()
 ) -> System:
     """Return the linear system of a problem, with its missing accelerations as additional states.
 
@@ -89,53 +89,40 @@ def augment(
     ----------
     unknowns : bool, optional
         Whether the unknowns have columns.
-    drive, seen : ndarray, shapes (K-1, W, n, M) and (K, W, C, M), optional
-        Additional columns: contribution of a candidate to the states from row to row, and to the channels.
+    more : sequence of (ndarray or None, ndarray or None), optional
+        Additional columns, shapes (K-1, W, n, M) and (K, W, C, M): contribution of candidates to the states
+        from row to row, and minus that to the channels; None for none.
     """
-    n, q, (K, W, C) = len(problem.free), len(problem.driven), linear.residual.shape
-    drift = problem.data.drift
-    late = linear.jolt is not None
-    N = n + q + (STATES if drift else 0) + late
-    gamma = _gamma(problem, linear.A)
-    columns = [linear.defect[..., None]]
-    channels = [linear.residual[..., None]]
+    n, q, W = len(problem.free), len(problem.driven), linear.residual.shape[1]
+    columns: list[Columns] = [(linear.defect[..., None], linear.residual[..., None])]
     if unknowns and linear.B.size:
-        columns.append(linear.B)
-        channels.append(-linear.D)
-    if drive is not None and seen is not None:
-        columns.append(drive)
-        channels.append(-seen)
-    m = sum(c.shape[-1] for c in columns)
-    full = np.zeros((K - 1, W, N, m))
-    full[..., :n, :] = np.concatenate(columns, axis=-1)
-    watched = np.concatenate(channels, axis=-1)
-    H = np.zeros((K, W, C, N))
-    H[..., :n] = linear.H
-    if drift:
-        H[..., n + q : n + q + STATES] = np.where(problem.seen[..., None], drift.H, 0.0)
-    A = np.zeros((K - 1, W, N, N))
-    Q = np.zeros((K - 1, W, N, N))
-    P0 = np.zeros((W, N, N))
-    # Missing acceleration a, its integral b over a step of length h, their stochastic parts xi and eta:
-    #   x <- A x + Gamma b,  b = tau (1 - exp(-h/tau)) a + xi,  a <- exp(-h/tau) a + eta
-    #   Q = [[Gamma var(xi) Gamma', Gamma cov(xi, eta)], [., var(eta)]]
-    missing = range(n, n + q)
-    fade, held, pushed, both, own = _steps(problem, noise)
-    A[..., :n, :n] = linear.A
-    A[..., :n, n : n + q] = gamma * held[..., None, :]
-    A[..., missing, missing] = fade
-    cross = gamma * both[..., None, :]
-    Q[..., :n, :n] = (gamma * pushed[..., None, :]) @ np.swapaxes(gamma, -1, -2)
-    Q[..., :n, n : n + q] = cross
-    Q[..., n : n + q, :n] = np.swapaxes(cross, -1, -2)
-    Q[..., missing, missing] = own
+        columns.append((linear.B, -linear.D if linear.D.any() else None))
+    P0 = np.zeros((W, n + q, n + q))
     P0[..., range(n), range(n)] = linear.start**2
-    P0[..., missing, missing] = noise.process**2
+    P0[..., range(n, n + q), range(n, n + q)] = noise.process**2
+    # R = (sigma_channel scale_(log, channel))^2 times the relative variance of the sample
+    level = (noise.measured * noise.scale[problem.rows.log]) ** 2  # W, C
+    if problem.data.variance is not None:
+        level = level * problem.data.variance
+    forces = Forces(problem.driven, np.stack(_steps(problem, noise)), n, problem.period > 0.0)
+    R = np.where(problem.seen, level, 1.0)
+    found = System(linear.A, linear.H, R, (*columns, *more), P0, forces, follows=problem.rows.follows)
+    return found if problem.data.drift is None and linear.jolt is None else _extended(problem, linear, found)
+
+
+def _extended(problem: Problem, linear: Linear, system: System) -> System:
+    """Return a system with the drift of a navigation and the lateness of commands as further states."""
+    drift, late = problem.data.drift, linear.jolt is not None
+    plain, n, at = system.whole(), system.forces.states, system.P0.shape[-1]
+    more = (STATES if drift else 0) + late
+    A, Q, P0 = (_padded(a, more, more) for a in (plain.A, plain.Q, plain.P0) if a is not None)
+    H = _padded(plain.H, 0, more)
+    ((drive, seen),) = plain.columns
+    assert drive is not None
     if drift:
-        own_drift = slice(n + q, n + q + STATES)
-        A[..., own_drift, own_drift] = drift.A
-        Q[..., own_drift, own_drift] = drift.Q
-        P0[..., own_drift, own_drift] = drift.P0
+        own = slice(at, at + STATES)
+        H[..., own] = np.where(problem.seen[..., None], drift.H, 0.0)
+        A[..., own, own], Q[..., own, own], P0[..., own, own] = drift.A, drift.Q, drift.P0
     # Lateness l of the last command of uncertain time, in standard deviations; j = jolt:
     #   where such a command begins to act:  l <- xi,  x <- x + j xi,  xi ~ N(0, 1);  else  x <- x + j l
     if linear.jolt is not None and linear.fresh is not None:
@@ -145,11 +132,13 @@ def augment(
         Q[..., :n, :n] += new[..., :, None] * new[..., None, :]
         Q[..., :n, -1] = Q[..., -1, :n] = new
         Q[..., -1, -1], P0[..., -1, -1] = linear.fresh, 1.0
-    # R = (sigma_channel scale_(log, channel))^2 times the relative variance of the sample
-    level = (noise.measured * noise.scale[problem.rows.log]) ** 2  # W, C
-    if problem.data.variance is not None:
-        level = level * problem.data.variance
-    return System(A, Q, full, H, np.where(problem.seen, level, 1.0), watched, P0, problem.rows.follows)
+    columns = ((_padded(drive, more, 0), seen),)
+    return replace(plain, A=A, H=H, Q=Q, columns=columns, P0=P0)
+
+
+def _padded(a: Array, down: int, right: int) -> Array:
+    """Return an array with rows and columns of zeros after its last two axes."""
+    return np.pad(a, [(0, 0)] * (a.ndim - 2) + [(0, down), (0, right)])
 
 
 #: Largest factor by which a variance changes in a pass; largest factor by which a step in the logarithm of a
@@ -218,33 +207,17 @@ def moved(
     C, q = len(noise.measured), len(noise.process)
     ratio = np.zeros(C + q)
     e = left_of(system, smooth, step)
-    known = ((system.H @ smooth.covariance) * system.H).sum(axis=-1)
     # Channel c, with smoothed residual e and smoothed variance V:  A = sum e^2 / R,  B = sum (1 - V / R)
     for c in range(C):
         own = problem.seen[..., c]
         R = system.R[..., c][own]
         A = float((e[..., c][own] ** 2 / R).sum())
-        B = float((1.0 - known[..., c][own] / R).sum())
+        B = float((1.0 - smooth.known[..., c][own] / R).sum())
         ratio[c] = np.log(A / B) if A > 0 and B > 0 else 0.0
     # Process noise j, with its share Q_j of Q and r, N of the smoother, Durbin and Koopman (4.38), (4.42):
     #   A = sum r' Q_j r,  B = sum tr(Q_j N)
-    n = len(problem.free)
-    gamma = _gamma(problem, system.A[..., :n, :n])
-    variances = _steps(problem, noise)[2:]
     for j in np.flatnonzero(noise.process > 0.0).tolist():
-        pushed, both, own = (v[..., j] for v in variances)
-        g = gamma[..., j]
-        r, N = smooth.push, smooth.information
-        along, last = (r[..., :n] * g).sum(axis=-1), r[..., n + j]
-        A = float((pushed * along**2 + 2.0 * both * along * last + own * last**2).sum())
-        Ng = (N[..., :n, :n] @ g[..., None])[..., 0]
-        B = float(
-            (
-                pushed * (Ng * g).sum(axis=-1)
-                + 2.0 * both * (N[..., n + j, :n] * g).sum(axis=-1)
-                + own * N[..., n + j, n + j]
-            ).sum()
-        )
+        A, B = smooth.forces[:, j].sum(axis=0).tolist()
         ratio[C + j] = np.log(max(A, 1e-300) / max(B, 1e-300))
     limit = np.log(FARTHEST)
     step = np.clip(damping.taken(np.clip(ratio, -limit, limit)), -limit, limit)
@@ -257,10 +230,14 @@ def moved(
 def left_of(system: System, smooth: Smoothed, step: Array) -> Array:
     """Return measured minus smoothed channels after a step of the unknowns, shape (K, W, C)."""
     # seen [1; theta] - H x, of which a frozen fit has column 0 alone
-    seen = system.seen[..., 0]
-    if system.seen.shape[-1] > 1 and step.any():
-        seen = seen + system.seen[..., 1:] @ step
-    return np.asarray(seen - (system.H @ smooth.state[..., None])[..., 0])
+    left, at = np.zeros(system.R.shape), 0
+    weights = np.concatenate([[1.0], step])
+    for (_, seen), count in zip(system.columns, system.counts, strict=True):
+        own = weights[at : at + count]
+        if seen is not None and own.any():
+            left += seen @ own
+        at += count
+    return np.asarray(left - (system.H @ smooth.state[..., : system.H.shape[-1], None])[..., 0])
 
 
 def least_measured(problem: Problem) -> Array:
@@ -310,20 +287,6 @@ def _steps(problem: Problem, noise: Noise) -> tuple[Array, Array, Array, Array, 
     )
 
 
-def _gamma(problem: Problem, A: Array) -> Array:
-    """Return the effect at the end of a step of a velocity change during it, (K-1, W, n, q).
-
-    Mean of a change at the start and one at the end: column j is ``(A + I) e_j / 2``, by driven state.
-    """
-    driven = list(problem.driven)
-    if problem.period:  # added to the next value
-        return np.broadcast_to(np.eye(A.shape[-1])[:, driven], (*A.shape[:-1], len(driven)))
-    gamma = 0.5 * A[..., :, driven]
-    for j, i in enumerate(driven):
-        gamma[..., i, j] += 0.5
-    return gamma
-
-
 def averaging_time(problem: Problem) -> float:
     """Return the averaging time of the missing accelerations [s]; at most half of a block."""
     wanted = max(NOISE.averaging * problem.tempo, NOISE.averaging_rows * problem.shortest)
@@ -360,10 +323,9 @@ def timed(problem: Problem, linear: Linear, noise: Noise, factor: float) -> tupl
     costs: list[float] = []
     for one in tries:  # one at a time: together they would not fit into the processor's cache
         try:
-            filtered = run_filter(augment(problem, linear, one, unknowns=False))
+            costs.append(run_filter(augment(problem, linear, one, unknowns=False)).cost)
         except np.linalg.LinAlgError:  # the path diverged: the next pass corrects it
             return noise, False
-        costs.append(float((filtered.white**2).sum() + filtered.log_det.sum()))
     seconds, process, moved_on = noise.seconds.copy(), noise.process.copy(), False
     for j in sorted(set(places)):
         own = [1 + k for k, place in enumerate(places) if place == j]

@@ -78,17 +78,17 @@ def run_pass(problem: Problem, noise: Noise, prior: Prior, p: Array, path: Array
     path = problem.rows.joined(path)
     linear = problem.linearise(path, p, unknowns=not frozen)
     system = augment(problem, linear, noise)
-    filtered = run_filter(system, keep=True)
+    filtered = run_filter(system)
     # With whitened columns [w0, J]:  w0'w0 + log det = -2 log likelihood,  S = J'J,  g = -J'w0
-    every = products(filtered.white)
-    costs = every[:, 0, 0] + filtered.log_det.sum(axis=(0, 2))
+    every = filtered.products
+    costs = every[:, 0, 0] + filtered.log_dets
     S, g = every[:, 1:, 1:], -every[:, 1:, 0]
     step, predicted = np.zeros(len(p)), 0.0
     if not frozen and len(p):
         step, predicted = newton(problem, prior, p, S, g)
     smooth = run_smoother(system, filtered, np.ones(1) if frozen else np.concatenate([[1.0], step]))
     squares = float(every[:, 0, 0].sum()) + prior.cost(problem.inside(p))
-    cost = squares + float(filtered.log_det.sum())
+    cost = squares + float(filtered.log_dets.sum())
     return Pass(p, path, linear, system, smooth, cost, costs, S, g, step, predicted, squares)
 
 
@@ -98,8 +98,8 @@ def costs_of(problem: Problem, noise: Noise, prior: Prior, now: Pass) -> tuple[f
         filtered = run_filter(augment(problem, now.linear, noise, unknowns=False))
     except np.linalg.LinAlgError:
         return np.inf, np.inf
-    squares = float((filtered.white**2).sum()) + prior.cost(problem.inside(now.p))
-    return squares, squares + float(filtered.log_det.sum())
+    squares = float(filtered.products.sum()) + prior.cost(problem.inside(now.p))
+    return squares, squares + float(filtered.log_dets.sum())
 
 
 def tried_pass(
@@ -185,10 +185,8 @@ def _smoothed(now: Pass) -> tuple[Array, Array]:
 
     Both have shape (K, W, C). The variance is kept below R.
     """
-    system, smooth = now.system, now.smooth
-    e = left_of(system, smooth, now.step)
-    known = ((system.H @ smooth.covariance) * system.H).sum(axis=-1)
-    return e, np.clip(known, 0.0, (1.0 - 1e-6) * system.R)
+    e = left_of(now.system, now.smooth, now.step)
+    return e, np.clip(now.smooth.known, 0.0, (1.0 - 1e-6) * now.system.R)
 
 
 def inverse(S: Array) -> Array:

@@ -493,17 +493,19 @@ class Problem(Unknowns):
         if not unknowns:
             B, D = B[..., :0], D[..., :0]
         slope = self.slope(p) if unknowns else np.empty(0)
-        own = self.seen[..., None]
         residual = np.where(self.seen, self.rows.values - y, 0.0)
-        moving = (self.dt > 0)[..., None]
+        still = self.dt <= 0
         jolt = fresh = None
         if self.inputs.unsure:
-            jolt = np.where(moving, self.advance(x, p, jacobian=False, late=True)[0] - F, 0.0)
+            jolt = self.advance(x, p, jacobian=False, late=True)[0] - F
+            jolt[still] = 0.0
             fresh = self._fresh(self.inputs.delay(self.parameters(p)))
-        defect = np.where(moving, F - x[1:][..., list(self.free)], 0.0)
-        A = np.where(moving[..., None], A, np.eye(len(self.free)))
-        B = np.where(moving[..., None], B * slope, 0.0)
-        H, D = np.where(own, H, 0.0), np.where(own, D * slope, 0.0)
+        defect = F - x[1:][..., list(self.free)]
+        A, B = np.array(A, order="C"), np.array(B, order="C") * slope
+        A[still], B[still], defect[still] = np.eye(len(self.free)), 0.0, 0.0
+        H[~self.seen] = 0.0
+        if D.any():
+            D = np.where(self.seen[..., None], D * slope, 0.0)
         return Linear(A, B, defect, H, D, residual, self._starts(x), jolt, fresh)
 
     def _starts(self, path: Array) -> Array:

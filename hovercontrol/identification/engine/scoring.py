@@ -105,7 +105,7 @@ def scores(
     here = problem.linearise(path, p, unknowns=False)
 
     def run(linear: Linear, other: Noise) -> Filtered:
-        return run_filter(augment(problem, linear, other, unknowns=False))
+        return run_filter(augment(problem, linear, other, unknowns=False), rows=True)
 
     base, z = run(here, noise), problem.inside(p)
     changed: list[tuple[Filtered, float]] = []

@@ -33,10 +33,9 @@ SMALL = 1e-4
 FIRST = 1e-2
 
 
-def deviations(problem: Problem, covariance: Array) -> Array:
-    """Return the standard deviations of the free states, (K, W, n), from a covariance, (K, W, N, N)."""
-    variance = np.diagonal(covariance, axis1=2, axis2=3)[..., : len(problem.free)]
-    return np.sqrt(np.maximum(variance, (SMALL * problem.spread) ** 2))
+def deviations(problem: Problem, variance: Array) -> Array:
+    """Return the standard deviations of the free states, (K, W, n), from variances, (K, W, N)."""
+    return np.sqrt(np.maximum(variance[..., : len(problem.free)], (SMALL * problem.spread) ** 2))
 
 
 def controlled(problem: Problem, path: Array, p: Array, std: Array | None = None) -> Problem:

@@ -31,7 +31,7 @@ def test_a_column_is_the_fits_own(sticking, drag):
     j = problem.names.index(drag)
     more = 0.01
     changed = type(own)(**{**own.values, "value": own.values["value"] + more})
-    drive, _, _ = columns(sticking, [Candidate(drag, changed, ())])
+    ((drive, _),), _ = columns(sticking, [Candidate(drag, changed, ())])
     fits = sticking.linear.B[..., j] / problem.slope(sticking.p)[j]
     error = drive[..., 0] / more - fits
     stuck = np.abs(np.diagonal(sticking.linear.A, axis1=-2, axis2=-1)).min(axis=-1) < 0.5
@@ -43,9 +43,9 @@ def test_a_column_is_the_fits_own(sticking, drag):
 def test_what_a_candidate_adds_is_the_difference_of_two_models(sticking, monkeypatch):
     """It is computed without what is in both of them, unless commands arrive otherwise."""
     tried = candidates(sticking)
-    short = columns(sticking, tried)[0]
+    (short, _), _ = columns(sticking, tried)[0]
     monkeypatch.setattr(Along, "_difference", lambda self, model, values: None)
-    whole = columns(sticking, tried)[0]
+    (whole, _), _ = columns(sticking, tried)[0]
     scale = np.abs(whole).max(axis=(0, 1, 2))
     np.testing.assert_allclose(
         short / np.maximum(scale, 1e-300), whole / np.maximum(scale, 1e-300), atol=1e-9

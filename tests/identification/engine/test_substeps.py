@@ -26,7 +26,7 @@ def in_pieces(fit, pieces):
 
 
 def test_a_fit_has_sub_steps_of_which_halved_ones_change_nothing(steep):
-    std = deviations(steep.problem, steep.covariance_of_path)
+    std = deviations(steep.problem, steep.variance_of_path)
     problem = controlled(steep.problem, steep.path, steep.p, std)  # the last pass moved the path a little
     assert problem.each.sum() < 1.05 * steep.problem.each.sum()
     halved = in_pieces(steep, np.minimum(2 * problem.each, MOST))
@@ -46,7 +46,7 @@ def test_only_steps_near_standstill_have_many_sub_steps(steep):
 def test_the_ends_of_steps_are_those_of_scipy(steep):
     """Within a small part of what the logs can tell, where friction is steepest."""
     problem, parameters = steep.problem, steep.problem.parameters(steep.p)
-    std = deviations(problem, steep.covariance_of_path)
+    std = deviations(problem, steep.variance_of_path)
     found = problem.advance(steep.path, steep.p, jacobian=False)[0]
     slopes = problem.block.to_numpy().array_derivatives
     W = problem.dt.shape[1]
@@ -82,7 +82,8 @@ def test_columns_of_candidates_do_not_depend_on_how_steps_are_divided(fitted):
     found = []
     for pieces in (1, 16):
         fit = fitted(case.truth, case.logs, pieces=pieces, frozen=True, levels=False)
-        found.append(columns(fit, tried)[0])
+        ((drive, _),) = columns(fit, tried)[0]
+        found.append(drive)
     for k in range(found[0].shape[-1]):
         one, other = (f[..., k] for f in found)
         assert np.abs(one - other).max() < 0.02 * np.abs(other).max() > 0.0

@@ -207,8 +207,8 @@ def _misfit(model: Subject, log: Log) -> float:
         fit = estimate(problem, prior_of(problem, model), noise, frozen=True, levels=False)
     except (InputError, FloatingPointError):  # it diverges; other faults are reported on reading
         return math.inf
-    white = run_filter(augment(problem, fit.linear, noise, unknowns=False)).white[..., 0]
-    return float((white**2).sum()) / int(problem.seen.sum())
+    squares = run_filter(augment(problem, fit.linear, noise, unknowns=False)).products
+    return float(squares.sum()) / int(problem.seen.sum())
 
 
 def _whirls(log: Log) -> bool:

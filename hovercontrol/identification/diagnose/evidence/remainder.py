@@ -12,7 +12,7 @@ from hovercontrol.identification.diagnose.evidence.missing import Missing, Quant
 from hovercontrol.identification.engine.fit import Fit, refit
 from hovercontrol.identification.engine.kalman import run_filter
 from hovercontrol.identification.engine.noise import Noise, augment, averaged, averaging_time
-from hovercontrol.identification.engine.passes import inverse, products
+from hovercontrol.identification.engine.passes import inverse
 
 Array = NDArray[np.float64]
 
@@ -128,10 +128,10 @@ def _cost(fit: Fit, noise: Noise) -> float:
         cost = |w0|^2 + log det - s'(W'W + Lambda)^-1 s,    s = -W'w0 - Lambda (z - z0)
     """
     filtered = run_filter(augment(fit.problem, fit.linear, noise))
-    every = products(filtered.white).sum(axis=0)
+    every = filtered.products.sum(axis=0)
     slope = -every[1:, 0] - fit.prior.slope(fit.problem.inside(fit.p))
     S = every[1:, 1:] + np.diag(fit.prior.precision)
-    return float(every[0, 0] + filtered.log_det.sum() - slope @ inverse(S) @ slope)
+    return float(every[0, 0] + filtered.log_dets.sum() - slope @ inverse(S) @ slope)
 
 
 def missing_forces(fit: Fit) -> tuple[Missing, ...]:
@@ -143,7 +143,7 @@ def missing_forces(fit: Fit) -> tuple[Missing, ...]:
     """
     problem = fit.problem
     n, over = len(problem.free), averaging_time(fit.problem)
-    variance = np.diagonal(fit.covariance_of_path, axis1=2, axis2=3)[..., n:]
+    variance = fit.variance_of_path[..., n:]
     s = over / fit.noise.seconds
     narrower = np.sqrt(np.maximum(2.0 * (s + np.expm1(-s)), 0.0)) / s
     moving = [problem.block.states[problem.free[i]] for i in problem.driven]

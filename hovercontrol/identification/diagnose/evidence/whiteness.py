@@ -57,7 +57,7 @@ def innovations(fit: Fit) -> Array:
         NaN where nothing was measured, and until a block has more than twice as many samples as free states.
     """
     problem = fit.problem
-    white = run_filter(augment(problem, fit.linear, fit.noise, unknowns=False)).white[..., 0]
+    white = run_filter(augment(problem, fit.linear, fit.noise, unknowns=False), rows=True).white[..., 0]
     so_far = np.cumsum(problem.seen.sum(axis=2), axis=0)[..., None]
     return np.where(problem.seen & (so_far > 2 * len(problem.free)), white, np.nan)
 

@@ -28,7 +28,7 @@ from hovercontrol.identification.engine.fit import Fit, estimate
 from hovercontrol.identification.engine.kalman import run_filter
 from hovercontrol.identification.engine.measure import Measured
 from hovercontrol.identification.engine.noise import augment
-from hovercontrol.identification.engine.passes import inverse, products
+from hovercontrol.identification.engine.passes import inverse
 from hovercontrol.identification.engine.problem import Problem
 from hovercontrol.identification.engine.rows import arrange
 
@@ -236,7 +236,7 @@ def _added(fit: Fit, seen: Data) -> tuple[float, Array, Array]:
     except FloatingPointError:
         return np.inf, np.zeros((len(fit.p),) * 2), np.zeros(len(fit.p))
     linear = problem.linearise(path, problem.start)
-    every = products(run_filter(augment(problem, linear, noise)).white).sum(axis=0)
+    every = run_filter(augment(problem, linear, noise)).products.sum(axis=0)
     return float(every[0, 0]), every[1:, 1:], -every[1:, 0]
 
 

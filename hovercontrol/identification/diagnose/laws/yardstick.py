@@ -24,7 +24,7 @@ from hovercontrol.identification.diagnose.search.columns import Along
 from hovercontrol.identification.engine.fit import Fit
 from hovercontrol.identification.engine.kalman import run_filter
 from hovercontrol.identification.engine.noise import augment
-from hovercontrol.identification.engine.passes import inverse, products
+from hovercontrol.identification.engine.passes import inverse
 
 Array = NDArray[np.float64]
 
@@ -164,10 +164,9 @@ class _Equation:
         """
         fit = self.fit
         terms = np.concatenate(groups)
-        drive = np.stack([self.along.carried(self.equation, one) for one in terms], axis=-1)
-        seen = np.zeros((*fit.linear.residual.shape, len(terms)))
-        system = augment(fit.problem, fit.linear, fit.noise, drive=drive, seen=seen)
-        every = fit.problem.rows.by_block(products(run_filter(system).white))
+        drive = np.moveaxis(np.stack([self.along.carried(self.equation, one) for one in terms]), 0, -1)
+        system = augment(fit.problem, fit.linear, fit.noise, more=[(drive, None)])
+        every = fit.problem.rows.by_block(run_filter(system).products)
         G, f = every[:, 1:, 1:], -every[:, 1:, 0]
         P = G.shape[-1] - len(terms)  # the model's unknowns; none of a fit with fixed coefficients
         free = np.diag(fit.prior.precision)[:P, :P]

@@ -22,52 +22,58 @@ from hovercontrol.craft.models.base import shown_by
 from hovercontrol.identification.diagnose.search.candidates import Candidate
 from hovercontrol.identification.engine.fit import Fit
 from hovercontrol.identification.engine.inputs import Inputs
+from hovercontrol.identification.engine.noise import Columns
+from hovercontrol.identification.engine.problem import Problem
 from hovercontrol.identification.engine.subject import Subject, followed_rate, rate_key, structure, timing
 from hovercontrol.identification.engine.substeps import within
 
 Array = NDArray[np.float64]
 
 
-def columns(fit: Fit, tried: Sequence[Candidate]) -> tuple[Array, Array, list[tuple[int, ...]]]:
+def columns(fit: Fit, tried: Sequence[Candidate]) -> tuple[list[Columns], list[tuple[int, ...]]]:
     """Return what each amplitude of each candidate adds to states and channels, and the columns of each.
 
     Returns
     -------
-    drive : ndarray, shape (K-1, W, n, M)
-        Added to the free states from row to row.
-    seen : ndarray, shape (K, W, C, M)
-        Added to the channels.
+    groups : list of Columns
+        For :func:`.augment`: first those that add to the free states from row to row, then those that add to
+        the channels.
     own : list of tuple of int
         Columns of each candidate.
     """
     problem = fit.problem
-    K, W, C = fit.linear.residual.shape
-    n = len(problem.free)
-    width = sum(max(len(c.amplitudes), 1) for c in tried)
-    drive, seen = np.zeros((K - 1, W, n, width)), np.zeros((K, W, C, width))
-    own: list[tuple[int, ...]] = []
-    at = 0
+    parts = [
+        (i, None if c.trial.equation else _alone(c, key))
+        for i, c in enumerate(tried)
+        for key in (("value",) if c.trial.equation else c.amplitudes or ("",))
+    ]
+    shown = [k for k, (_, e) in enumerate(parts) if e is not None and _is_shown(problem, e)]
+    order = [*(k for k in range(len(parts)) if k not in set(shown)), *shown]
+    # each column is contiguous in memory
+    drive = np.zeros((len(parts) - len(shown), *fit.linear.defect.shape))
+    seen = np.zeros((len(shown), *fit.linear.residual.shape))
+    own: list[list[int]] = [[] for _ in tried]
     runs = Along(fit)
     forms = runs.forcing_of_forms([c.trial for c in tried if c.trial.equation])
-    for candidate in tried:
-        if candidate.trial.equation:
-            drive[..., at] = _finite(next(forms))
-            own.append((at,))
-            at += 1
-            continue
-        mine = []
-        for key in candidate.amplitudes or ("",):
-            alone = _alone(candidate, key)
-            mine.append(at)
-            late = timing(problem.model.with_effects([alone])) != timing(problem.model)
-            with np.errstate(all="ignore"):
-                if type(alone).kind() == "measurement" and not late:
-                    seen[..., at] = _finite(runs.seen(alone))
-                else:
-                    drive[..., at] = _finite(runs.forcing(alone))
-            at += 1
-        own.append(tuple(mine))
-    return drive, seen, own
+    for at, k in enumerate(order):
+        i, alone = parts[k]
+        own[i].append(at)
+        with np.errstate(all="ignore"):
+            if alone is None:
+                drive[at] = _finite(next(forms))
+            elif at < len(drive):
+                drive[at] = _finite(runs.forcing(alone))
+            else:
+                seen[at - len(drive)] = -_finite(runs.seen(alone))
+    groups: list[Columns] = [(np.moveaxis(drive, 0, -1), None)] if len(drive) else []
+    groups += [(None, np.moveaxis(seen, 0, -1))] if len(seen) else []
+    return groups, [tuple(at) for at in own]
+
+
+def _is_shown(problem: Problem, e: Effect) -> bool:
+    """Return whether an effect adds to the channels alone, not to the states."""
+    late = timing(problem.model.with_effects([e])) != timing(problem.model)
+    return type(e).kind() == "measurement" and not late
 
 
 def _finite(column: Array) -> Array:

@@ -25,7 +25,7 @@ from hovercontrol.identification.diagnose.search.columns import columns
 from hovercontrol.identification.engine.fit import Fit
 from hovercontrol.identification.engine.kalman import run_filter
 from hovercontrol.identification.engine.noise import augment
-from hovercontrol.identification.engine.passes import inverse, products
+from hovercontrol.identification.engine.passes import inverse
 
 Array = NDArray[np.float64]
 
@@ -82,9 +82,9 @@ class Scores:
 
     def __init__(self, fit: Fit, tried: Sequence[Candidate]) -> None:
         self.fit, self.tried = fit, list(tried)
-        drive, seen, self.own = columns(fit, tried)
-        system = augment(fit.problem, fit.linear, fit.noise, drive=drive, seen=seen)
-        every = fit.problem.rows.by_block(products(run_filter(system).white))
+        groups, self.own = columns(fit, tried)
+        system = augment(fit.problem, fit.linear, fit.noise, more=groups)
+        every = fit.problem.rows.by_block(run_filter(system).products)
         self.G = every[:, 1:, 1:]  # W, P+M, P+M
         self.f = -every[:, 1:, 0]
         # The whitened columns carry the sign with which an unknown changes the residual, so cost(theta) =
