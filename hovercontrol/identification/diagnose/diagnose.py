@@ -16,6 +16,7 @@ from hovercontrol.craft.models.interface import AnyModel, as_model
 from hovercontrol.fmi.replay.plant import FmuPlant
 from hovercontrol.identification.diagnose.checks import as_logs, check_fitted, check_logs
 from hovercontrol.identification.diagnose.checks.stand_ins import switched_off
+from hovercontrol.identification.diagnose.criteria import CRITERIA
 from hovercontrol.identification.diagnose.diagnosis import Diagnosis, numbers_of
 from hovercontrol.identification.diagnose.evidence.holdout import gap
 from hovercontrol.identification.diagnose.evidence.laws import regime
@@ -33,7 +34,8 @@ from hovercontrol.identification.diagnose.search.searched import searched
 from hovercontrol.identification.diagnose.search.trace import Decision
 from hovercontrol.identification.diagnose.verdict import verdict_of
 from hovercontrol.identification.engine.data import Data, gather
-from hovercontrol.identification.engine.fit import Fit
+from hovercontrol.identification.engine.feedback import fed_back
+from hovercontrol.identification.engine.fit import Fit, scored
 from hovercontrol.identification.engine.subject import Subject, named, unknowns, with_known_period
 from hovercontrol.logs import Log
 
@@ -160,10 +162,11 @@ def _diagnosed(
 ) -> Diagnosis:
     report(0.0, "reading the measurements")
     warnings = [*assumed, *left_out(model, names), *check_logs(model, logs, holdout)]
-    data = gather(model, logs)
+    data = gather(model, logs).joined
     report(0.05, "fitting the model as it is")
     try:
         base = base_fit(model, data, [name for name in unknowns(model) if name not in fixed])
+        base = scored(base, base.prior) if fed_back(base, CRITERIA.level) else base
     except FloatingPointError as error:
         raise InputError(f"{model.name!r}: {error}: try other start values") from error
     warnings += check_fitted(base)
@@ -173,7 +176,7 @@ def _diagnosed(
         done[0] += 1
         report(0.1 + 0.7 * (1 - 0.85 ** done[0]), what)
 
-    kept = gather(model, holdout) if holdout else None
+    kept = gather(model, holdout).joined if holdout else None
     trace: list[Decision] = []
     made: Made = []
     held = searched(

@@ -139,6 +139,9 @@ class Fit:
     left : ndarray, shape (K, W, C)
         Measured minus smoothed path, in standard deviations of that difference; zero where not measured.
     converged : bool
+    scored : bool
+        Whether it, and each fit that starts from it, is at the optimum of unknowns and noise levels together
+        (:mod:`.scoring`).
     """
 
     problem: Problem
@@ -156,6 +159,7 @@ class Fit:
     variance_of_path: Array
     left: Array
     converged: bool
+    scored: bool = False
 
     def __repr__(self) -> str:
         return f"Fit of {self.problem.model.name!r}: {len(self.p)} unknowns, cost {self.cost:.6g}"
@@ -221,6 +225,7 @@ def estimate(
     most: int = MOVING,
     hold: int = 0,
     times: bool = True,
+    score: bool = False,
     trace: Callable[[str], None] | None = None,
 ) -> Fit:
     """Estimate path, unknowns and noise levels.
@@ -244,6 +249,8 @@ def estimate(
         not be mistaken for noise.
     times : bool, optional
         Whether the correlation times of the process noise are estimated, too.
+    score : bool, optional
+        Whether unknowns and noise levels are moved together to the optimum in the end.
     trace : callable, optional
         Called with one line of text after each pass.
 
@@ -270,7 +277,9 @@ def estimate(
             break
         run.most, run.hold = run.k + AGAIN, 0
         converged = run.settled(levels)
-    return run.fit(converged)
+    if score:
+        run.scored(prior.first, levels)
+    return replace(run.fit(converged), scored=score)
 
 
 def scored(near: Fit, prior: Prior) -> Fit:
@@ -278,7 +287,7 @@ def scored(near: Fit, prior: Prior) -> Fit:
     run = _Iteration(near.problem, near.prior, near.noise, False, True, MOVING, 0, None)
     run.first(near.p, near.path)
     run.scored(prior, True)
-    return run.fit(near.converged)
+    return replace(run.fit(near.converged), scored=True)
 
 
 @dataclass(eq=False)
@@ -564,7 +573,7 @@ def refit(
     path = problem.path_of(near.problem.block, near.path, p)
     return estimate(
         problem, prior, noise or near.noise, p=p, path=path, frozen=frozen, levels=levels, times=times,
-        hold=HOLD, trace=trace,
+        hold=HOLD, score=near.scored, trace=trace,
     )  # fmt: skip
 
 

@@ -12,13 +12,13 @@ from hovercontrol.identification.diagnose.experiment.propose import sharpen
 
 from .generator import Conditions, make, simulated
 
-SEED, SHORT = 11009, Conditions(duration=10.0, logs=1)
+SEED, SHORT = 11012, Conditions(duration=6.0, logs=1)
 LIMITS = {"thrust": (-1.0, 3.0), "rudder": (-0.4, 0.4)}
 
 
 @pytest.fixture(scope="module")
 def unclear():
-    case = make(SEED, ["wind"], SHORT)
+    case = make(SEED, ["slope"], SHORT)
     return case, diagnose(case.model, case.logs)
 
 

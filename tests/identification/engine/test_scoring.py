@@ -9,6 +9,7 @@ from scipy.stats import multivariate_normal
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.signals import Signal
 from hovercontrol.craft.models.interface import as_model
+from hovercontrol.identification.diagnose import diagnose
 from hovercontrol.identification.engine.data import gather
 from hovercontrol.identification.engine.feedback import fed_back
 from hovercontrol.identification.engine.fit import estimate, first_noise, scored
@@ -115,6 +116,13 @@ def test_under_feedback_the_estimate_is_that_of_a_kalman_filter_by_hand(seed):
     std = np.sqrt(np.diag(fit.covariance))
     assert (np.abs(fit.p - by_hand) < 0.35 * std).all()
     assert (np.abs(fit.p - TRUE) < 3.0 * std).all()
+
+
+def test_a_diagnosis_under_feedback_has_the_same_coefficients():
+    """Stretches that began anew, and passes without scoring, left them a standard error away."""
+    log = held_up(3, 600)
+    fit, diagnosed = fitted(log), diagnose(machine(), [log], names=[]).selection.final
+    assert (np.abs(fit.p - diagnosed.p) < 0.1 * np.sqrt(np.diag(fit.covariance))).all()
 
 
 def test_inputs_that_answer_the_measurements_are_told_from_others():
