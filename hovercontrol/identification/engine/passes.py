@@ -190,13 +190,33 @@ def _smoothed(now: Pass) -> tuple[Array, Array]:
 
 
 def inverse(S: Array) -> Array:
-    """Return the pseudo-inverse of normal equations whose unknowns differ in scale.
+    """Return the pseudo-inverse of normal equations, (..., P, P), whose unknowns differ in scale.
 
     ``D^-1 (D^-1 S D^-1)^+ D^-1`` with ``D = diag(sqrt(S_ii))``.
     """
-    size = np.sqrt(np.maximum(np.diag(S), 1e-300))
-    scaled = S / np.outer(size, size)
-    return np.asarray(np.linalg.pinv(scaled, hermitian=True, rcond=1e-13) / np.outer(size, size))
+    size = np.sqrt(np.maximum(np.diagonal(S, axis1=-2, axis2=-1), 1e-300))
+    both = size[..., :, None] * size[..., None, :]
+    return np.asarray(np.linalg.pinv(S / both, hermitian=True, rcond=1e-13) / both)
+
+
+def left_out_gain(G: Array, f: Array, precision: Array, pull: Array) -> float:
+    """Return the cross-validated gain of unknowns: each block is predicted from all others.
+
+    With the sums G and f over all blocks and the precision Lambda of a prior::
+
+        theta_(-b) = (G - G_b + Lambda)^-1 (f - f_b - pull),
+        gain = sum over blocks b of (2 f_b' theta_(-b) - theta_(-b)' G_b theta_(-b))
+
+    Parameters
+    ----------
+    G, f : ndarray, shapes (W, P, P), (W, P)
+        Of each block.
+    precision, pull : ndarray, shapes (P, P), (P,)
+        Of the prior, and its slope.
+    """
+    others = inverse(G.sum(axis=0) - G + precision)
+    theta = np.einsum("wij,wj->wi", others, f.sum(axis=0) - f - pull)
+    return float(2.0 * (f * theta).sum() - np.einsum("wi,wij,wj->", theta, G, theta))
 
 
 def products(white: Array) -> Array:

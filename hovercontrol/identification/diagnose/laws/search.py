@@ -104,7 +104,7 @@ def with_laws(
     noise = only_noise(more.final, criteria) or _random(more, criteria, rows)
     more = _with_same(search, more, few)
     more = _decided(more, criteria) if noise else more
-    again = held_out(more, data, strict, trace)
+    again = held_out(more, data, strict, trace, found)
     named = [n for n in again.selection.effects if is_law(n)]
     if noise or not named:
         return again if named else found

@@ -24,7 +24,7 @@ from hovercontrol.identification.diagnose.search.columns import Along
 from hovercontrol.identification.engine.fit import Fit
 from hovercontrol.identification.engine.kalman import run_filter
 from hovercontrol.identification.engine.noise import augment
-from hovercontrol.identification.engine.passes import inverse
+from hovercontrol.identification.engine.passes import inverse, left_out_gain
 
 Array = NDArray[np.float64]
 
@@ -177,18 +177,9 @@ class _Equation:
             prior = np.zeros_like(total)
             prior[:P, :P] = free
             prior[P:, P:] = ridge * size * np.eye(len(terms))
-            gain = sum(
-                _left_out(total - own + prior, score - g, own, g)
-                - _left_out((total - own)[:P, :P] + free, (score - g)[:P], own[:P, :P], g[:P])
-                for own, g in zip(G, f, strict=True)
-            )
-            found.append((float(gain), prior))
+            none = np.zeros(len(score))
+            gain = left_out_gain(G, f, prior, none) - left_out_gain(G[:, :P, :P], f[:, :P], free, none[:P])
+            found.append((gain, prior))
         gain, prior = max(found, key=lambda one: one[0])
         C = inverse(total + prior)
         return gain, (C @ score)[P:], C[P:, P:]
-
-
-def _left_out(others: Array, score: Array, own: Array, g: Array) -> float:
-    """Return the gain of one block under coefficients that the other blocks chose."""
-    theta = inverse(others) @ score
-    return float(2.0 * g @ theta - theta @ own @ theta)

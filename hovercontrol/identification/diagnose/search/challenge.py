@@ -144,7 +144,7 @@ def _contenders(search: Search, less: Fit, named: Tried) -> list[Scored]:
     What is the same in every log comes first: it needs no fit.
     """
     criteria = search.criteria
-    alone = singles(Scores(less, candidates(less, search.names)))
+    alone = singles(search.scores(less))
     asked = max(TRIALS.promised * criteria.least, criteria.share * max((s.gain for s in alone), default=0.0))
     others = [one for one in alone if one.names[0] != named.name]
     same = [s for one in others for s in one.members if named.effect.twin(s.candidate.trial)]

@@ -12,7 +12,8 @@ from hovercontrol.base.short_repr import short_repr
 from hovercontrol.craft.effects import Effect
 from hovercontrol.identification.diagnose.criteria import Criteria
 from hovercontrol.identification.diagnose.evidence.blocks import Blocks, agreement
-from hovercontrol.identification.diagnose.search.score import Scored, likelier_time
+from hovercontrol.identification.diagnose.search.candidates import candidates
+from hovercontrol.identification.diagnose.search.score import Scored, Scores, likelier_time
 from hovercontrol.identification.diagnose.search.trace import Decision
 from hovercontrol.identification.engine.fit import CONVERGENCE, Fit, estimate, first_noise, refit
 from hovercontrol.identification.engine.prior import prior_of
@@ -96,6 +97,15 @@ class Search:
     report: Callable[[str], None]
     trace: list[Decision] = field(default_factory=list)
     made: Made = field(default_factory=list)
+    tables: list[Scores] = field(default_factory=list)
+
+    def scores(self, fit: Fit) -> Scores:
+        """Return the scores of all candidates on a fit; they are computed once."""
+        for table in self.tables:
+            if table.fit is fit:
+                return table
+        self.tables.append(Scores(fit, candidates(fit, self.names)))
+        return self.tables[-1]
 
     def once(self, current: Fit, e: Effect, scored: Scored | None = None) -> Tried | None:
         """Return the fit with an effect; a fit that was made from here before is not made again."""

@@ -45,6 +45,7 @@ def held_out(
     data: Data | None,
     criteria: Criteria = CRITERIA,
     trace: list[Decision] | None = None,
+    earlier: HeldOut | None = None,
 ) -> HeldOut:
     """Return the part of a selection that stands on held-out logs, all of them judged together.
 
@@ -66,11 +67,16 @@ def held_out(
     criteria : Criteria, optional
     trace : list of Decision, optional
         Gets a row for each decision.
+    earlier : HeldOut, optional
+        Test of another selection on the same logs. Its fit of the given model is used again if that is the
+        same.
     """
     trace = [] if trace is None else trace
     if data is None:
         return HeldOut(selection, {n: _of_training(selection, n) for n in selection.effects})
-    before = held_fit(selection.base.model, data)
+    same = earlier is not None and earlier.selection.base is selection.base
+    before = earlier.before if earlier is not None and same else None
+    before = before or held_fit(selection.base.model, data)
     found = _on(selection, before)
     instead = _better(found, criteria)
     if instead is not None:

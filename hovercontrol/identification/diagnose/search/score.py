@@ -25,7 +25,7 @@ from hovercontrol.identification.diagnose.search.columns import columns
 from hovercontrol.identification.engine.fit import Fit
 from hovercontrol.identification.engine.kalman import run_filter
 from hovercontrol.identification.engine.noise import augment
-from hovercontrol.identification.engine.passes import inverse
+from hovercontrol.identification.engine.passes import inverse, left_out_gain
 
 Array = NDArray[np.float64]
 
@@ -157,12 +157,8 @@ class Scores:
         """Return the cross-validated gain of candidate i: each block is predicted from all others.
 
         The size of the candidate and the model's unknowns are estimated without the block on which they are
-        judged, so a candidate that fits one block alone gains nothing::
-
-            theta_(-b) = (G - G_b + Lambda)^-1 (f - f_b - Lambda (z - z0)),    G, f: sums over all blocks
-            gain = sum over blocks b of (2 f_b' theta_(-b) - theta_(-b)' G_b theta_(-b)),
-
-        minus the same sum for the unknowns alone; Lambda is the precision of the prior, z0 its centre.
+        judged, so a candidate that fits one block alone gains nothing (:func:`.passes.left_out_gain`, minus
+        that of the unknowns alone).
         """
         return self.left_out_gain_of(self.columns_of(i))
 
@@ -200,12 +196,7 @@ class Scores:
         added = np.zeros(len(rows) - len(self.movable))
         prior = np.r_[self.fit.prior.precision[self.movable], added]
         pull = np.r_[self.pull[self.movable], added]
-        total, score, gain = G.sum(axis=0), f.sum(axis=0), 0.0
-        for own, g in zip(G, f, strict=True):
-            others = total - own + np.diag(prior + 1e-12 * np.diag(total))
-            theta = inverse(others) @ (score - g - pull)
-            gain += float(2.0 * g @ theta - theta @ own @ theta)
-        return gain
+        return left_out_gain(G, f, np.diag(prior + 1e-12 * np.einsum("wii->i", G)), pull)
 
     def each(self) -> list[Scored]:
         """Return the score of every candidate."""

@@ -74,7 +74,7 @@ def searched(
     )
     if not weaker.effects:
         return found
-    again = held_out(weaker, data, alone, trace)
+    again = held_out(weaker, data, alone, trace, found)
     named = again.selection.effects
     return again if named and all(shown(again.evidence[n], criteria) for n in named) else found
 

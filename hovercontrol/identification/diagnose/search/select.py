@@ -85,7 +85,7 @@ def select(
     counts: dict[str, int] = {}
     while True:
         report("scoring the catalogue")
-        scores = Scores(current, candidates(current, names))
+        scores = search.scores(current)
         seen = scores.best()
         if len(steps) >= max_effects:
             break
