@@ -21,7 +21,7 @@ if "PYTEST_XDIST_WORKER" in os.environ:  # one of as many processes as cores: BL
 matplotlib.use("Agg")
 settings.register_profile(
     "hovercraft",
-    max_examples=25,
+    max_examples=10,
     deadline=None,
     derandomize=True,
     suppress_health_check=[HealthCheck.too_slow],

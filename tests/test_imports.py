@@ -29,25 +29,21 @@ def modules():
     return found
 
 
-def type_only(tree):
-    """What is imported for the sake of annotations alone is not imported when the program runs."""
-    for node in ast.walk(tree):
-        if isinstance(node, ast.If) and ast.unparse(node.test).endswith("TYPE_CHECKING"):
-            for statement in node.body:
-                yield from ast.walk(statement)
-
-
-def inside_functions(tree):
-    for node in ast.walk(tree):
-        if isinstance(node, ast.FunctionDef):
-            yield from ast.walk(node)
+def statements(node, inside=False, typed=False):
+    """Yield each import, whether it is inside a function, and whether it serves annotations alone."""
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, ast.Import | ast.ImportFrom):
+            yield child, inside, typed
+        elif isinstance(child, ast.stmt):
+            of_types = isinstance(child, ast.If) and ast.unparse(child.test).endswith("TYPE_CHECKING")
+            yield from statements(child, inside or isinstance(child, ast.FunctionDef), typed or of_types)
+        elif isinstance(child, ast.ExceptHandler | ast.match_case):
+            yield from statements(child, inside, typed)
 
 
 def imports(tree, known, *, functions=True, annotations=False):
-    skipped = set() if annotations else set(type_only(tree))
-    skipped |= set() if functions else set(inside_functions(tree))
-    for node in ast.walk(tree):
-        if node in skipped:
+    for node, inside, typed in statements(tree):
+        if (inside and not functions) or (typed and not annotations):
             continue
         if isinstance(node, ast.ImportFrom):
             assert not node.level, "imports are absolute"
@@ -56,7 +52,7 @@ def imports(tree, known, *, functions=True, annotations=False):
                 for alias in node.names:
                     whole = ".".join([*source[1:], alias.name])
                     yield whole if whole in known else ".".join(source[1:])
-        elif isinstance(node, ast.Import):
+        else:
             for alias in node.names:
                 if alias.name.startswith("hovercontrol."):
                     yield alias.name.partition(".")[2]

@@ -192,6 +192,7 @@ folders.write_folder(place, write)
 """  # fmt: skip
 
 
+@pytest.mark.slow("True")
 @pytest.mark.parametrize("as_one", [True, False])
 def test_a_killed_run_leaves_old_or_new_and_the_next_clears_up(tmp_path, as_one):
     """Killed after every single change of names that it makes."""

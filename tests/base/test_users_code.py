@@ -47,24 +47,20 @@ REFUSED = {
 
 #: What a file may break without harm.
 MENDED = {
-    "folder": "import os\nos.chdir('/')",
+    "settings": "import os, signal, sys, warnings\nimport numpy as np\nos.chdir('/')\nos.umask(0o777)\n"
+    "warnings.simplefilter('error')\nnp.seterr(all='raise')\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\n"
+    "sys.setrecursionlimit(80)",
     "stdout": "import sys\nsys.stdout = None",
     "stdout replaced": "import io, sys\nsys.stdout = io.StringIO()",
     "stdout closed": "import sys\nsys.stdout.close()\nsys.stderr.close()",
     "stdout really closed": "import sys\nsys.__stdout__.close()",
     "descriptor": "import os\nos.close(1)\nos.close(2)",
     "null": "import os\nos.dup2(os.open(os.devnull, os.O_WRONLY), 1)",
-    "limit": "import sys\nsys.setrecursionlimit(80)",
-    "umask": "import os\nos.umask(0o777)",
-    "blocked": "import sys\nsys.modules['numpy'] = None",
+    "imports": "import sys\nsys.modules['numpy'] = None\nsys.meta_path.clear()",
     "built-in": "import builtins\nbuiltins.print = builtins.open = builtins.zip = None",
-    "warnings": "import warnings\nwarnings.simplefilter('error')",
-    "numerics": "import numpy as np\nnp.seterr(all='raise')",
-    "finders": "import sys\nsys.meta_path.clear()",
-    "signals": "import signal\nsignal.signal(signal.SIGINT, signal.SIG_IGN)",
-    "thread that ends": "import threading, time\nthreading.Thread(target=time.sleep, args=(0.01,)).start()",
-    "daemon": "import threading, time\nthreading.Thread(target=time.sleep, args=(99,), daemon=True).start()",
-    "pool": "from concurrent.futures import ThreadPoolExecutor\nThreadPoolExecutor(2).submit(print, end='')",
+    "threads": "import threading, time\nthreading.Thread(target=time.sleep, args=(0.01,)).start()\n"
+    "threading.Thread(target=time.sleep, args=(99,), daemon=True).start()\n"
+    "from concurrent.futures import ThreadPoolExecutor\nThreadPoolExecutor(2).submit(print, end='')",
 }  # fmt: skip
 
 

@@ -70,7 +70,7 @@ def test_a_delayed_step_gives_the_exact_answer(run, delay):
     assert (found.inputs == 2.0).all()  # what is sent, not what arrives
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=10, deadline=None)
 @given(
     st.lists(st.floats(-2.0, 2.0), min_size=4, max_size=12),
     st.integers(0, 30),
@@ -85,7 +85,7 @@ def test_a_delay_of_whole_samples_is_a_shift(sent, n, step):
     assert found.inputs[0].tolist() == shifted
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=10, deadline=None)
 @given(
     st.lists(st.floats(-2.0, 2.0), min_size=3, max_size=8),
     st.floats(0.0, 1.0),

@@ -313,6 +313,7 @@ def test_the_first_element_is_returned():
     assert check_xml(GOOD.replace(b"UTF-8", b"ISO-8859-1") + b"<!-- \xe4 -->", "m.xml").attributes
 
 
+@pytest.mark.slow("text6")
 @pytest.mark.parametrize(
     "text, line",
     [

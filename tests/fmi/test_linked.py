@@ -33,7 +33,7 @@ def objects(folder, interface, version):
     return sorted(map(str, folder.glob("*.o")))
 
 
-@pytest.mark.slow("2")
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt" or not shutil.which("nm"), reason="needs shared objects, and nm")
 @pytest.mark.parametrize("version", [2, 3])
 def test_two_fmus_are_linked_into_one_program(tmp_path, version):

@@ -16,6 +16,7 @@ from .probe import EXACT, STEP, T, U, controller, exact
 # --- the numbers ---
 
 
+@pytest.mark.slow("isolated-3", "cannot save-isolated")
 @pytest.mark.parametrize("fmi", [2, 3])
 @pytest.mark.parametrize("isolated", [False, True], ids=["here", "isolated"])
 @pytest.mark.parametrize("states", [True, False], ids=["saves", "cannot save"])
@@ -197,6 +198,7 @@ def craft():
     return hc.vehicle("c17_simulation")
 
 
+@pytest.mark.slow("isolated-3")
 @pytest.mark.parametrize("version", [2, 3])
 @pytest.mark.parametrize("isolated", [False, True], ids=["here", "isolated"])
 def test_an_exported_plant_moves_as_scipy_integrates_it(compiler, craft, tmp_path, version, isolated):

@@ -75,7 +75,7 @@ def test_eight_instances_on_eight_threads(compiler):
     drive(compiler, 3, "axes", "-fsanitize=thread", "threads")
 
 
-@pytest.mark.slow("2")
+@pytest.mark.slow
 @pytest.mark.skipif(not shutil.which("nm"), reason="nm, which lists symbols, is not on this machine")
 @pytest.mark.parametrize("version", [2, 3])
 def test_there_is_no_data_that_can_change(fmu, version, compiler, tmp_path):

@@ -263,7 +263,7 @@ def test_heading_that_was_unwrapped_over_many_turns_is_no_degrees(tmp_path: Path
     assert read_log(path)["psi"][-1] == pytest.approx(-319.68)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=10, deadline=None)
 @given(
     values=arrays(float, st.integers(1, 20), elements=st.floats(-1e12, 1e12)),
     suffix=st.sampled_from([".csv", ".parquet"]),

@@ -76,7 +76,7 @@ def swept(runs=12, **options):
 # ---- one point, one simulation ---------------------------------------------------------------------------
 
 
-@pytest.mark.slow("estimator", "loop", "monitor")
+@pytest.mark.slow("estimator", "loop", "monitor", "minimum_time")
 @needs_cc
 @pytest.mark.parametrize("name", [*BLOCKS, *designed.MAKERS])
 def test_at_a_point_it_is_numpy(name, rng):

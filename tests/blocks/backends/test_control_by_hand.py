@@ -101,6 +101,7 @@ def yaw_alone(name):
     return still, ct.nlsys(rates, lambda t, x, u, p: x[:1], states=2, inputs=0, outputs=1, name="hand")
 
 
+@pytest.mark.slow("c17_experiment", "four_fan", "hoverdemon")
 @pytest.mark.filterwarnings("ignore")  # separatrices are followed back in time, out of all bounds
 @every_craft
 def test_the_phase_plane_of_one_output_and_no_inputs(name):

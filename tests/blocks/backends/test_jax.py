@@ -68,7 +68,7 @@ GRID = np.linspace(0.0, 1.0, 101)
 PUSH = np.where((GRID > 0.2) & (GRID < 0.5), 0.3, 0.0)
 
 
-@pytest.mark.slow("method1")
+@pytest.mark.slow
 @pytest.mark.parametrize("method", [{"method": "rk4", "step": 0.0025}, {"rtol": 1e-9}])
 def test_a_sampled_controller_a_delay_and_noise_are_as_in_a_compiled_run(method):
     pytest.importorskip("diffrax")
@@ -204,7 +204,7 @@ def _plan_and_values(block, key, runs):
     return functions, plan, x, p, times, {key: some}
 
 
-@pytest.mark.slow("kernel_with_ticks")
+@pytest.mark.slow("kernel_with_ticks", "block0")
 @pytest.mark.parametrize(("block", "name"), [(LOOP, "yaw_linear_drag"), (sampled_loop(), "k")])
 def test_the_kernel_of_a_gpu_computes_what_compiled_runs_compute(block, name):
     from hovercontrol.blocks.backends.jax_kernel import fits_kernel, kernel_runner

@@ -78,7 +78,7 @@ def test_ticks_are_where_exact_fractions_say(expected):
     assert expected["ticks"].tolist() == list(range(1, 1002))
 
 
-@settings(deadline=None, max_examples=50)
+@settings(deadline=None, max_examples=10)
 @given(
     periods=st.lists(st.integers(1, 100_000), min_size=1, max_size=4),
     digits=st.integers(3, 7),

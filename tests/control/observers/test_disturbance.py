@@ -69,6 +69,7 @@ def craft_run(observer, craft, seconds, seed=0):
     return dict(zip((s.name for s in observer.outputs), run.outputs[:, -1], strict=True))
 
 
+@pytest.mark.slow
 def test_wind_and_slope_on_a_craft_are_found_within_the_standard_deviation_that_is_stated():
     craft = soft_craft().with_values(MOVING)
     observer = hc.disturbance_observer(craft, **CRAFT, period=H)

@@ -318,6 +318,7 @@ def by_ranges(rng, beacons, units, bias, seconds, *, heading=0.2, range_bias=0.0
     return off, result, found
 
 
+@pytest.mark.slow
 def test_range_filter_is_consistent_and_sees_heading_and_bias(rng):
     """Two units 0.4 m apart on raw ranges with a common bias, no heading aid."""
     bias = rng.normal(size=RUNS) * 0.05
@@ -343,6 +344,7 @@ def test_two_beacons_do_on_either_side_of_their_line(rng, at):
     assert result.nis_inside >= 0.9
 
 
+@pytest.mark.slow
 def test_on_their_line_two_beacons_do_not_tell_the_side(rng):
     """A craft that crosses it: some runs end mirrored."""
     off, _, found = by_ranges(rng, PAIR, APART, 0.0, 20.0, range_bias=0.0, at=(1.5, -1.8))

@@ -21,6 +21,7 @@ def made(name, **given):
     return function(cart(), **(ESTIMATORS[name] | given))
 
 
+@pytest.mark.slow("monitor")
 @pytest.mark.parametrize("name", ESTIMATORS)
 def test_a_machine_of_ones_own_is_measured_where_its_noise_is_given(name):
     found, named = made(name), made(name, measured=["x"])

@@ -35,6 +35,7 @@ def test_it_is_the_filter_that_is_stepped_by_hand():
     np.testing.assert_allclose(P, step.covariance, rtol=0, atol=1e-11)
 
 
+@pytest.mark.slow
 def test_before_its_start_nothing_changes_and_then_it_begins_as_at_zero():
     plant = c17_experiment().plant()
     step = SampledEstimator(plant, dt=0.01, **TUNING)

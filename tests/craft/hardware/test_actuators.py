@@ -198,6 +198,7 @@ STOP = stop(k1=1.0, k2=2.5)
 TABLE_6_1 = {"u": 0.2, "v": -0.7, "r": 6.4}
 
 
+@pytest.mark.slow("turn")
 @pytest.mark.parametrize("law", ["stop", "turn"])
 def test_with_everything_off_the_loop_is_the_ideal_one(law):
     if law == "turn":
@@ -243,6 +244,7 @@ def real():
     return run(STOP, actuators(), until=15.0, **TABLE_6_1)
 
 
+@pytest.mark.slow
 def test_k06s_actuators_bring_the_craft_to_rest_as_table_6_1_says(real):
     """At rest in about 10 s; what remains, the dead zone does not see: 0.05 N are 0.05 m/s at k1 = 1."""
     time, c = real
@@ -299,7 +301,7 @@ def test_wrong_input_is_refused_in_one_line(make, said):
     assert "\n" not in str(error.value)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=10, deadline=None)
 @given(st.floats(-3, 3), st.floats(-1.5, 1.5))
 def test_more_force_never_asks_for_less_speed(force, rudder):
     lookup = thrust_lookup(period=0.0).to_numpy()

@@ -47,7 +47,7 @@ def test_a_table_of_k06s_size_is_what_scipy_interpolates():
     assert found == pytest.approx(by_scipy(TABLE, PLACES), abs=1e-12)
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=10, deadline=None)
 @given(arrays(float, st.tuples(st.integers(2, 5), st.integers(2, 6)), elements=numbers), st.data())
 def test_any_table_at_any_place_also_one_by_one(values, data):
     f = table_block(values).to_numpy()
@@ -130,7 +130,7 @@ def test_an_entry_is_a_staircase_over_its_index():
     assert entry(k, squares) != entry(k, Entries("squares", range(10)))
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=10, deadline=None)
 @given(st.lists(st.tuples(st.floats(0.01, 3), numbers), min_size=2, max_size=25), st.floats(-2, 60))
 def test_a_line_through_knots_is_numpys(steps, x):
     knots = np.cumsum([d for d, _ in steps])

@@ -15,7 +15,7 @@ THRUST, RUDDER = Signal("thrust", "N", start=0.5), Signal("rudder", "rad")
 values = st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=12)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=10, deadline=None)
 @given(values, st.integers(0, 5))
 def test_a_chain_of_n_unit_delays_shifts_by_n_ticks(sent, n):
     link = Ticking(constant_delay([THRUST, RUDDER], n * 0.02, 0.02))

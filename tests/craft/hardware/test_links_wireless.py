@@ -56,7 +56,7 @@ def event_queue(sent, every, waits, lost, in_order):
         yield newest, dict(counts)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=10, deadline=None)
 @given(
     st.sampled_from(LINKS),
     st.integers(0, 10**6),
@@ -84,7 +84,7 @@ def test_a_link_is_an_event_queue(made, seed, scale, jitter, loss, in_order):
         assert {key: row[f"link_{key}"] for key in counts} == counts
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=10, deadline=None)
 @given(st.lists(st.floats(-1e9, 1e9), min_size=1, max_size=20), st.integers(0, 10**6))
 def test_without_delay_and_loss_all_passes_through(sent, seed):
     for link in PASSING:

@@ -24,7 +24,7 @@ SMALL = {
 }
 
 
-@pytest.mark.slow("k06_margins")
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SMALL)
 def test_a_script_leaves_pictures_tables_and_findings(name, tmp_path):
     main, small = SMALL[name]

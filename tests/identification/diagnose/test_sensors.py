@@ -34,6 +34,7 @@ def compass(case):
     return diagnose(case.model, [bent(log) for log in case.logs], bent(case.holdout), names=["slope"])
 
 
+@pytest.mark.slow
 def test_a_heading_that_others_contradict_is_no_noise(case, compass):
     assert compass.verdict == "unexplained" and compass.effects == ()
     (slow,) = compass.slow_errors

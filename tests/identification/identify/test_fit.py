@@ -107,17 +107,6 @@ def test_standard_errors_cover_the_truth(cart, cart_log):
     assert 0.6 < np.median([f.std for f in found]) / scatter < 1.8
 
 
-@pytest.mark.slow
-def test_a_crafts_standard_errors_cover_the_truth_over_many_runs(rudder_log):
-    truth = c17_experiment().coefficients()
-    runs = [
-        identify(c17_experiment(), [rudder_log(POSE, seconds=12, rate=50.0, seed=s)]) for s in range(10, 22)
-    ]
-    off = [(f.value - truth[f.name]) / f.std for run in runs for f in run.coefficients if not f.bound]
-    assert max(map(abs, off)) < 4 and 0.5 < np.mean(np.square(off)) < 1.6
-    assert np.mean(np.abs(off) < 1.96) > 0.88
-
-
 def test_a_coefficient_that_wants_to_be_negative_stops_at_its_bound(cart, cart_log):
     found = identify(cart, [cart_log(1, drag=-0.1)])
     assert found["drag"].value == 0.0 and found["drag"].bound == "lower"

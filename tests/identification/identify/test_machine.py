@@ -56,6 +56,7 @@ def call(monkeypatch, capsys, *words):
     return end.value.code or 0, out, err
 
 
+@pytest.mark.slow
 def test_block_and_blockmodel_are_the_same_call():
     log = run_of(1)
     found, other = hc.identify(CART, [log]), hc.identify(MODEL, [log])
