@@ -48,6 +48,7 @@ def test_its_picture_is_small():
     assert "docs/craft.png" in TEXT
 
 
+@pytest.mark.slow
 def test_every_short_example_runs_in_order(own_folder):
     space: dict = {}
     blocks = re.findall(r"```\{code-cell\} ipython3\n(.*?)```", SHORT, flags=re.DOTALL)

@@ -47,6 +47,7 @@ print(json.dumps(ends))
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
 def test_the_functions_of_logs_are_at_the_top_after_any_import():
     early = "import hovercontrol as hc; assert inspect.isfunction(hc.identify)"

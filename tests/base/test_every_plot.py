@@ -219,6 +219,7 @@ def test_its_axes_have_names_and_units(name):
     assert complaints(drawn(make())) == []
 
 
+@pytest.mark.slow("study", "diagnosis", "check", "varied")
 @pytest.mark.parametrize("name", SHARED)
 def test_axes_of_whole_evaluations_have_names_and_units(results, name):
     assert complaints(drawn(results[name])) == []

@@ -69,6 +69,7 @@ def run_alone(name, out, monkeypatch):
     runpy.run_path(str(FOLDER / f"{name}.py"), run_name="__main__")
 
 
+@pytest.mark.slow
 def test_a_script_runs_alone_and_says_what_it_found(tmp_path, monkeypatch, capsys):
     run_alone("c17_beta_region", tmp_path / "out", monkeypatch)
     assert "(19) implies (18)" in capsys.readouterr().out

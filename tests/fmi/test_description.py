@@ -31,6 +31,7 @@ def read(name, version, folder, friction="events"):
     return fmpy.read_model_description(written(name, version, folder, friction))
 
 
+@pytest.mark.slow("smooth")
 @pytest.mark.parametrize("friction", ["events", "smooth"])
 @pytest.mark.parametrize("version", [2, 3])
 @pytest.mark.parametrize("name", BLOCKS)
@@ -126,6 +127,7 @@ def test_what_sensors_measure_is_no_command(part, expected):
     }
 
 
+@pytest.mark.slow
 def test_range_filter_has_no_terminal_of_commands():
     assert 'name="command' not in terminals(Interface(choose("range_filter").block)).decode()
 
@@ -137,6 +139,7 @@ def test_the_model_is_named_after_the_craft(tmp_path):
     assert choose("table1:plant").title == "c17_simulation"
 
 
+@pytest.mark.slow("link", "filter", "ins")
 @pytest.mark.parametrize("part", PARTS)
 def test_outputs_of_every_part_are_finite_at_its_start_values(part):
     block = choose(part).block

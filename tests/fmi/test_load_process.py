@@ -42,6 +42,7 @@ def test_an_isolated_fmu_may_crash_exit_or_hang(probe, fmi, trouble, line):
     np.testing.assert_allclose(ct.input_output_response(system, T, U).outputs, exact(), atol=1e-14)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/schedstat").exists(), reason="Linux alone says who waits")
 def test_waiting_for_a_busy_processor_is_not_held_against_an_fmu():
     """Once 120 s of wall time ended an FMU on a machine whose cores had other work."""
@@ -76,6 +77,7 @@ def test_what_an_isolated_fmu_prints_is_no_answer(probe):
     np.testing.assert_allclose(ct.input_output_response(system, T, U).outputs, exact(), atol=1e-14)
 
 
+@pytest.mark.slow
 def test_an_interrupt_leaves_no_answer_for_the_next_call(probe, monkeypatch):
     system = probe(isolated=True)
     system.output(0, [0], [1.0])

@@ -184,6 +184,7 @@ def test_a_state_belongs_to_its_time(probe):
         system.output(3.0, state, [1.0])
 
 
+@pytest.mark.slow("isolated")
 @pytest.mark.parametrize(
     "fmi, trouble, line",
     [

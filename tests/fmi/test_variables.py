@@ -83,6 +83,7 @@ def test_a_block_with_nothing_to_show_is_refused():
         Interface(BLOCKS["plant"], "hard")
 
 
+@pytest.mark.slow("loop", "estimator")
 @pytest.mark.parametrize("friction", ["events", "smooth"])
 @pytest.mark.parametrize("name", [n for n in BLOCKS if n != "odd"])
 def test_dependencies_are_the_sparsity_of_the_jacobian(name, friction):

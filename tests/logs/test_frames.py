@@ -95,6 +95,7 @@ def test_a_frame_that_was_stated_is_not_looked_at_and_an_unknown_one_is_refused(
         in_z_up(sample(), "nad")
 
 
+@pytest.mark.slow
 def test_the_commands_convert_and_refuse(call, tmp_path):
     ned(sample().select(slice(0, 1000))).save(tmp_path / "ned.csv")
     sample().select(slice(0, 1000)).save(tmp_path / "up.csv")

@@ -41,6 +41,7 @@ def test_lost_samples_are_told_and_change_little():
     assert "missing" in told.text() and "missing" not in check(None, [LOG]).text()
 
 
+@pytest.mark.slow
 def test_blank_commands_hold():
     log = blanked(slice(405, 412), "thrust")
     found, said = prepared(log, POSE, COMMANDS)

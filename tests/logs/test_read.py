@@ -86,6 +86,7 @@ def test_a_log_needs_the_columns_of_its_model(tmp_path: Path) -> None:
     assert "line 3, column 'v'" in error_of(path, model=cart), "text in an output is not left out silently"
 
 
+@pytest.mark.slow
 def test_text_far_down_a_long_file_is_found(tmp_path: Path) -> None:
     path = tmp_path / "run.csv"
     lines = ["time,u,v,r"] + [f"{i},0,0,0" for i in range(200_000)]

@@ -32,7 +32,7 @@ COMMANDS = {
     "field": ["simulate", "k06-field-turn", "--json"],
     "diagnose": ["diagnose", "out/k06-field-turn/log.csv", "--vehicle", "hoverdemon", "--json"],
 }
-SLOW = ("analyze", "table1", "identify", "items", "field", "diagnose")
+SLOW = ("check", "analyze", "table1", "identify", "items", "field", "diagnose")
 #: A command that reads another's log comes after it.
 NEEDS = {"check": "simulate", "diagnose": "field"}
 #: What differs from run to run, or names version and machine; gains near zero in a trace are rounding.

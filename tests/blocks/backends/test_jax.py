@@ -204,7 +204,7 @@ def _plan_and_values(block, key, runs):
     return functions, plan, x, p, times, {key: some}
 
 
-@pytest.mark.slow("kernel_with_ticks", "block0")
+@pytest.mark.slow
 @pytest.mark.parametrize(("block", "name"), [(LOOP, "yaw_linear_drag"), (sampled_loop(), "k")])
 def test_the_kernel_of_a_gpu_computes_what_compiled_runs_compute(block, name):
     from hovercontrol.blocks.backends.jax_kernel import fits_kernel, kernel_runner

@@ -116,6 +116,7 @@ def test_compiled_is_numpy(expected):
     assert_same(rows(compiled.simulate(TIMES, {"push": PUSH}, method="rk4", step=0.0025)), expected)
 
 
+@pytest.mark.slow
 def test_rows_between_ticks_are_not_smeared():
     """Rows that are finer or coarser than the ticks, or beside them, see the same run."""
     whole = interconnect([CART, brake(), sensor()])

@@ -69,6 +69,7 @@ def test_runs_alike_share_a_figure_and_others_do_not(run):
     assert run.plot(plot_inputs=False).figure is not first
 
 
+@pytest.mark.slow
 def test_a_tall_picture_has_room_for_each_axis(run):
     wide = hc.interconnect([hc.vehicle("c17_simulation").plant(), hc.ellipse(1.0, 1.0)])
     figure = hc.simulate(wide, [0.0, 0.1]).plot().figure

@@ -104,6 +104,7 @@ def test_a_chain_of_integrators_beside_the_loop_is_at_zero_and_grows_not():
 # ---- linear systems, their modes hidden by a change of states --------------------------------------------
 
 
+@pytest.mark.slow("modes1", "modes2", "modes3")
 @pytest.mark.parametrize("how", ["not moved", "not seen"])
 @pytest.mark.parametrize("modes", [INTEGRATES, TWICE, SWINGS, block_diag(INTEGRATES, SWINGS)])
 @pytest.mark.parametrize("sizes", [0.0, 2.0])

@@ -130,6 +130,7 @@ def proportional():
     return run(proportional_heading(), 1.0, 15.0)
 
 
+@pytest.mark.slow
 def test_bang_bang_reaches_the_goal_and_chatters_there_as_the_thesis_says(bang_bang):
     time, c = bang_bang
     late = time > 10

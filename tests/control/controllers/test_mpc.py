@@ -61,6 +61,7 @@ def test_a_limit_of_a_state_holds():
     assert -0.401 < run.states[1].min() < -0.39
 
 
+@pytest.mark.slow
 def test_the_craft_passes_waypoints_around_an_obstacle_within_its_limits():
     controller = hc.mpc(
         CRAFT, horizon=20, weights=WEIGHTS, rate_weights={"thrust": 0.05, "rudder": 0.5}, limits=LIMITS,

@@ -47,6 +47,7 @@ def test_legs_change_in_the_circle_of_acceptance_and_where_a_waypoint_is_passed(
     assert beside["leg"].tolist() == [0, 1]
 
 
+@pytest.mark.slow
 def test_after_the_last_waypoint_it_stops_and_a_closed_path_goes_on():
     path = [[9.5, 0.0], [10.0, 9.5], [0.5, 10.0], [0.0, 9.0], [0.0, 0.5]]
     open_path = told(line_of_sight(CORNERS), path)

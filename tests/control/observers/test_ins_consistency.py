@@ -261,6 +261,7 @@ def test_printed_matrices_are_far_too_cautious_for_the_stated_sensors(rng):
     assert rms["sensors"][1] < 0.3 * rms["printed"][1]
 
 
+@pytest.mark.slow
 def test_coupled_filter_finds_the_heading_from_motion_alone(rng):
     """No heading aid, 17 deg off at the start: fixes and acceleration show it."""
     s = SensorErrors(heading=0.3, gyro_walk=0.0, acceleration_walk=0.0)

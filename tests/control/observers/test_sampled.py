@@ -146,6 +146,7 @@ def regressors(motion, command):
     return np.column_stack([h, *(rates({n: 1.0}) - h for n in names)])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("held", [False, True])
 def test_on_exact_signals_it_finds_the_truth(held):
     t, s = drive(20.0, 0.005, held)

@@ -42,6 +42,7 @@ def beacon_filter(**options):
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_without_samples_it_predicts_also_where_outputs_bend():
     some, none = beacon_filter(lost_samples=["bearing"]), beacon_filter(lost_samples=True)
     given = {"distance": 2.1, "bearing": -3.0}

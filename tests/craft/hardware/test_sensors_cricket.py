@@ -50,6 +50,7 @@ def still(ticking, count, params=None, x=1.22, y=1.22, psi=0.0):
 # ---- time slots -------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("latency", [False, True])
 def test_each_unit_has_its_slot_once_a_second(latency):
     told = still(system(), 31, LATE if latency else {})
@@ -77,6 +78,7 @@ def test_latency_tells_where_the_unit_was_a_slot_ago():
         assert [row[name] for row in ours[1:]] == [row[name] for row in theirs[:-1]]
 
 
+@pytest.mark.slow
 def test_the_blocks_fix_is_that_of_the_array_function():
     told = still(system("k06"), 21)
     new = told["fix_valid"] > 0

@@ -87,7 +87,7 @@ def closed_loop_log(model, seed, seconds=20.0, dt=0.01):
     return Log(f"servo {seed}", t, {"angle": np.array(seen), "current": np.array(currents)})
 
 
-@pytest.mark.slow("coulomb")
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["servo_coulomb", "servo_cogging"])
 def test_a_users_effect_is_found_on_a_users_machine_in_closed_loop(name):
     hidden = effect(name, 4.0)

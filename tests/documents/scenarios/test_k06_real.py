@@ -97,6 +97,7 @@ def heading():
     return run_scenario(load_scenario("k06-real-heading-bangbang"))
 
 
+@pytest.mark.slow
 def test_the_heading_trial_meets_its_figures(heading):
     assert [(m.metric.name, m.value) for m in heading.metrics() if not m.met] == []
 

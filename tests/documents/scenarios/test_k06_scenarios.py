@@ -115,6 +115,7 @@ def test_a_phase_without_set_points_stops_the_craft(runs):
     assert np.abs(run.columns["true_r"][(run.time > 28) & (run.time < 30)]).max() < 0.2
 
 
+@pytest.mark.slow
 def test_the_field_log_is_a_standard_log_with_the_noise_it_states(runs, tmp_path):
     run = runs["k06-field-turn"]
     run.save(tmp_path)

@@ -128,7 +128,7 @@ def figures_in_the_log(block, log, windows):
     return root_mean_square(found)
 
 
-@pytest.mark.slow("thrust_lag")
+@pytest.mark.slow
 def test_the_saved_model_has_the_effects_that_were_named(diagnosed, amended):
     case, found = diagnosed
     assert {e.effect for e in found.effects} == set(case.names)

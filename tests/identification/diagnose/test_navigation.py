@@ -98,6 +98,7 @@ def test_neither_exact_nor_coarse_positions_are_corrections():
     assert not corrections(coarse).size
 
 
+@pytest.mark.slow
 def test_drift_is_estimated_beside_the_motion():
     case = make(4, [], Conditions(duration=40.0))
     logs = [navigated(log, np.random.default_rng([4, 2, k])) for k, log in enumerate(case.logs)]

@@ -54,6 +54,7 @@ def gone(fit, log):
     return out, had
 
 
+@pytest.mark.slow("names1", "names2", "names3")
 @pytest.mark.parametrize(
     ("seed", "names"),
     [
@@ -92,6 +93,7 @@ def test_spikes_stand_out_from_both_sides():
         assert not stand_out(rng.normal(size=z.shape) + change[None, :, None], every).any()
 
 
+@pytest.mark.slow
 def test_outliers_of_the_held_out_log_are_left_out():
     case = make(200, ["munk_moment"], Conditions(duration=20.0, scale=0.2, logs=1))
     bad, sizes = hit_by(case.holdout, np.random.default_rng(2), 20.0, 500.0)

@@ -37,6 +37,7 @@ def deviations(found: Identified, truth: dict[str, float]) -> dict[str, float]:
     return {f.name: abs(f.value - truth[f.name]) / f.std for f in found.coefficients}
 
 
+@pytest.mark.slow("channels1", "channels2")
 @pytest.mark.parametrize("channels", [VELOCITY, POSE, POSE + VELOCITY])
 def test_c17_coefficients_come_back_from_velocities_pose_or_both(rudder_log, channels):
     truth = c17_experiment().coefficients()
@@ -49,6 +50,7 @@ def test_c17_coefficients_come_back_from_velocities_pose_or_both(rudder_log, cha
     assert found.model.coefficients()["thrust"] == found["thrust"].value
 
 
+@pytest.mark.slow
 def test_noise_of_each_channel_is_estimated(rudder_log):
     found = identify(c17_experiment(), [rudder_log(POSE + VELOCITY)])
     expected = {"x": 1e-3, "y": 1e-3, "psi": 3e-3, "u": 5e-3, "v": 5e-3, "r": 2e-2}
@@ -57,6 +59,7 @@ def test_noise_of_each_channel_is_estimated(rudder_log):
         assert found.residual[channel] == pytest.approx(level, rel=0.1)
 
 
+@pytest.mark.slow
 def test_four_fan_coefficients_come_back_from_several_pose_logs(fan_log, fan_truth):
     found = identify(four_fan(), [fan_log(seed=1), fan_log(seed=2)])
     assert max(deviations(found, fan_truth.coefficients()).values()) < 3
@@ -116,6 +119,7 @@ def test_a_coefficient_that_wants_to_be_negative_stops_at_its_bound(cart, cart_l
     assert identify(cart, [cart_log(1, drag=0.1)])["drag"].bound == ""
 
 
+@pytest.mark.slow
 def test_drag_that_is_not_there_is_found_to_be_zero(rudder_log):
     found = identify(c17_experiment().with_coefficients(C17_START), [rudder_log(seed=5)])
     for name in ("surge_linear_drag", "sway_coulomb"):
@@ -152,6 +156,7 @@ def test_twins_are_named(cart, cart_log):
     assert found["gain"].value - found["twin"].value == pytest.approx(0.5, abs=0.15)
 
 
+@pytest.mark.slow
 def test_a_lost_marker_does_not_bend_the_result(fan_log, fan_truth):
     log = fan_log(seed=3)
     bad = {name: log[name].copy() for name in POSE}
@@ -175,6 +180,7 @@ def test_outliers_in_velocities_are_left_out(rudder_log):
     assert f"{found.outliers} with an outlier" in found.table()
 
 
+@pytest.mark.slow
 def test_a_gap_ends_a_segment_but_does_not_bend_the_result(rudder_log):
     log = rudder_log(VELOCITY)
     log = log.select((log.time < 7.3) | (log.time > 9.1))
@@ -184,6 +190,7 @@ def test_a_gap_ends_a_segment_but_does_not_bend_the_result(rudder_log):
     assert max(deviations(found, c17_experiment().coefficients()).values()) < 3
 
 
+@pytest.mark.slow
 def test_rows_at_irregular_times_are_taken_as_they_are(rudder_log):
     log = rudder_log(VELOCITY)
     keep = np.random.default_rng(0).random(len(log)) < 0.6
@@ -264,6 +271,7 @@ def test_a_craft_that_never_moves_is_refused(rudder_log):
         identify(c17_experiment(), [moving.with_columns({"v": np.zeros(len(moving))})])
 
 
+@pytest.mark.slow
 def test_noise_is_not_below_what_the_resolution_makes(rudder_log):
     """A coarse sensor's value stands still between its steps: most third differences are zero."""
     log = rudder_log(VELOCITY, seconds=10, noise=0.0)
@@ -357,6 +365,7 @@ def test_a_force_that_lags_behind_its_command_need_not_be_measured():
     assert found["lag"].std < 0.02 and [r.equation for r in found.remaining] == ["v'", "f'"]
 
 
+@pytest.mark.slow
 def test_dry_friction_is_found_from_rows_far_apart(rudder_log):
     """Steps from row to row are cut as fine as friction of 1 cm/s width needs."""
     found = identify(c17_experiment().with_coefficients(C17_START), [rudder_log(POSE, rate=20.0)])

@@ -23,7 +23,7 @@ def noise_log(seed: int, names: tuple[str, ...], rows: int = 1000, step: float =
     return Log("noise", step * np.arange(rows), {name: rng.normal(size=rows) for name in names} | commands)
 
 
-@pytest.mark.slow("1", "2", "3")
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_a_pose_of_pure_noise_ends_in_a_result(seed):
     """Yaw friction is fitted so steep that sub-steps short enough for the noisy path are unstable at rest."""

@@ -34,6 +34,7 @@ def log_of(slower, seed=0, deadzone=0.0, n=N):
     return hc.Log("motor", slower * STEP * np.arange(n), {"i": found[:, 0], "w": found[:, 1], "u": u})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("slower", [1e-4, 1e5])
 def test_coefficients_and_errors_scale_with_time(slower):
     one, other = (hc.identify(motor(s), [log_of(s)]) for s in (1.0, slower))

@@ -58,6 +58,7 @@ def false_alarms(watch, run):
     return float(np.ravel(loop.compile().simulate(run.time, run.columns).outputs)[-1])
 
 
+@pytest.mark.slow("-0.4")
 @pytest.mark.parametrize("correlation", [-0.4, 0.6])
 def test_the_dispersion_is_the_variance_of_the_scores_of_correlated_noise(correlation):
     """e is a first-order process of variance 1/4, so that no value is limited: var b = 1' C 1/4, J = n."""

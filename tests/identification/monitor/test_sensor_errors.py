@@ -77,7 +77,7 @@ def test_a_jump_of_a_sensor_is_named_at_once_with_its_size(spinner, seed):
     assert abs(out["change"][k] - 0.05) < 2 * out["change_std"][k] < 0.03
 
 
-@pytest.mark.slow("2", "3")
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_a_scale_that_changes_is_named_with_its_size(seed):
     """x' = -c x + F, measured k x: the signature is x, which the filter has wrong after the change."""

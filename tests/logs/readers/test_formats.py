@@ -132,16 +132,12 @@ def test_a_library_that_is_missing_is_said_how_to_install(tmp_path: Path, monkey
 
 
 @pytest.mark.parametrize("suffix", ["bag", "mcap", "db3", "ulg", "bin", "mat", "mf4", "mdf", "pq", "csv"])
-@pytest.mark.parametrize(
-    "content", [b"", b"time,u,v,r\n0,1,2,3\n", bytes(range(256)) * 20, b"\xa3\x95\x80" * 99]
-)
+@pytest.mark.parametrize("content", [b"", bytes(range(256)) * 20])
 def test_a_file_with_a_wrong_suffix_ends_in_one_line(tmp_path: Path, suffix: str, content: bytes) -> None:
     for library in ("rosbags", "pyulog", "pymavlink", "asammdf"):
         pytest.importorskip(library)
     file = tmp_path / f"a.{suffix}"
     file.write_bytes(content)
-    if suffix == "csv" and content.startswith(b"time"):
-        return
     with pytest.raises(InputError) as caught:
         read_log(file)
     assert "\n" not in str(caught.value) and str(file) in str(caught.value)

@@ -54,6 +54,7 @@ def compared(least: float, named: str, breaks_more: bool, pushed: float = 0.1) -
         return _with_same(search, given, [LikelyLaw(named, own.gain, {other: breaks_more}, trials)])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("named", [TRUE, MIRRORED])
 def test_laws_that_are_one_in_the_logs_are_equally_likely_whichever_was_fitted_first(named):
     found = compared(0.1, named, False)
@@ -68,6 +69,7 @@ def test_a_law_that_is_surely_likelier_takes_the_place_of_the_one_that_was_fitte
     assert found.effects == (TRUE,) and not found.rivals
 
 
+@pytest.mark.slow
 def test_a_law_that_breaks_a_symmetry_is_the_same_in_the_logs_until_an_experiment_tells_it():
     found = compared(0.1, TRUE, True, 0.02)
     (rival,) = found.rivals
@@ -80,5 +82,6 @@ def test_a_law_that_breaks_a_symmetry_is_the_same_in_the_logs_until_an_experimen
     assert experiment.commands["rudder"].min() < 0.0
 
 
+@pytest.mark.slow
 def test_a_law_that_breaks_a_symmetry_and_is_surely_unlikely_is_no_rival():
     assert not compared(-0.6, TRUE, True, 0.02).rivals
