@@ -129,8 +129,8 @@ MUTATIONS = (
     Mutation(
         "The smoother's covariance is that of the filter.",
         "hovercontrol/identification/engine/kalman.py",
-        "V[k] = Ps[k] - Ps[k] @ N @ Ps[k]",
-        "V[k] = Ps[k]",
+        "V = Ps[k] - Ps[k] @ N @ Ps[k]",
+        "V = Ps[k]",
         ESTIMATION,
     ),
     Mutation(
