@@ -112,6 +112,7 @@ def test_plt_show_in_a_script_shows_every_picture(tmp_path):
     assert found.stdout.splitlines() == ["shown: ['x [m]']", "shown: ['time [s]']"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "words",
     [

@@ -192,6 +192,7 @@ def test_a_pickled_system_reads_the_same_file_again(probe):
         pickle.loads(stored)
 
 
+@pytest.mark.slow
 def test_an_fmu_that_allows_one_instance_has_one(once_library, tmp_path, calls):
     path = write_fmu(tmp_path / "once.fmu", once_library, once=True)
     with load(path) as system:

@@ -62,6 +62,7 @@ def test_what_repeats_is_dropped_and_told(at):
     assert again is found and not nothing
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rows", [2, 5])
 def test_the_coefficients_are_those_of_the_craft(rows):
     truth = c17_experiment().coefficients()

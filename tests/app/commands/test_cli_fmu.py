@@ -83,6 +83,7 @@ def test_simulate_is_the_exact_solution_and_says_how_far_the_log_is(call, folder
     np.testing.assert_array_equal(found["v_measured"], log["v"])
 
 
+@pytest.mark.slow
 def test_with_the_true_value_and_start_only_noise_is_left(call, folder, tmp_path):
     (tmp_path / "values.csv").write_text(f"name,value\nmotor.drag,{DRAG / 2}\n", encoding="utf-8")
     words = (str(folder / "motor.fmu"), "--commands", str(folder / "run.csv"), "--match-start")
@@ -101,6 +102,7 @@ def test_an_fmu_without_a_log_gets_steps_within_its_bounds(call, folder, tmp_pat
     np.testing.assert_allclose(found["v"], exact(found["u"], DRAG, 0.0), atol=1e-5)
 
 
+@pytest.mark.slow
 def test_sweep_over_a_parameter_and_a_start_value(call, folder, tmp_path):
     words = ("--model", str(folder / "motor.fmu"), "--commands", str(folder / "run.csv"), "--out", "out")
     vary = ("--vary", "motor.drag=0.2:0.8:4", "--vary", "v=-1:1:3", "--figure", "maximum")

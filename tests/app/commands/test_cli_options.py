@@ -43,6 +43,7 @@ def test_an_option_of_check_that_fits_no_log_is_wrong(call, folder, options, sai
     assert done.stdout == "" and not (folder / "out").exists()
 
 
+@pytest.mark.slow
 def test_an_option_that_fits_one_log_of_two_is_a_finding_about_the_other(call, folder):
     done = call("check", "a.csv", "b.csv", "--while", "lift>0", "--settle", "0", cwd=folder)
     assert done.returncode == 1 and "b.csv: condition: no column 'lift'; known" in done.stdout

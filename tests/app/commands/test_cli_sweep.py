@@ -165,6 +165,7 @@ def test_a_refused_sweep_leaves_nothing(call, tmp_path):
     assert done.returncode == 2 and list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_a_damaged_partial_result_is_said_and_computed_again(call, tmp_path, monkeypatch):
     from hovercontrol.blocks.backends.checkpoint import Checkpoint
 

@@ -263,6 +263,7 @@ def test_a_sweep_that_cannot_be_is_refused(options, line):
         sweep_on(Immediate(), DECAY, GRID, **options)
 
 
+@pytest.mark.slow
 def test_a_cluster_that_does_not_answer_is_refused_in_time():
     pytest.importorskip("distributed")
     with socket.socket() as silent:

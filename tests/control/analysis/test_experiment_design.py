@@ -103,6 +103,7 @@ def test_more_time_and_less_noise_leave_less_doubt(found):
         assert (expected_errors({"C17": c17_ellipse()}, duration=6.0, **quieter).error < short.error).all()
 
 
+@pytest.mark.slow
 def test_the_map_of_ellipses_has_the_numbers_of_each_and_is_as_good_along_x_as_along_y(region):
     own = ellipse(1.0, 2.5, -1.0, math.pi / 2)
     one = expected_errors({"own": own}, duration=7.0)
@@ -133,6 +134,7 @@ def test_a_craft_that_does_not_get_on_its_reference_tells_nothing():
     assert np.isnan(spins.error).all() and not spins.within_limits.any()
 
 
+@pytest.mark.slow
 def test_executors_and_checkpoints_give_the_bits_of_one_machine(region, tmp_path):
     with ThreadPoolExecutor(2) as threads:
         again = ellipse_errors((1.0, 2.5), (1.0, 2.5), 3, duration=7.0, executor=threads, checkpoint=tmp_path)

@@ -118,6 +118,7 @@ def test_hidden_modes_that_do_not_decay_change_no_margin(how, modes, sizes, rng)
         np.testing.assert_allclose(seen, expected, atol=1e-5)
 
 
+@pytest.mark.slow
 @given(st.floats(0.2, 5.0), st.floats(0.1, 5.0), st.floats(0.1, 5.0), st.integers(0, 99))
 def test_whatever_the_loop_an_integrator_beside_it_changes_nothing(k, a, b, seed):
     loop = ct.ss(ct.tf([k], np.polymul([1.0, a], [1.0, b, 0.0])))

@@ -114,6 +114,7 @@ def test_along_a_motion_that_stands_still_it_is_the_loop_of_the_point():
     assert along.critical == pytest.approx(one.critical)
 
 
+@pytest.mark.slow
 def test_c17s_ellipse_bears_every_second_packet_lost_at_22_ms():
     model, reference = c17_simulation(), c17_ellipse()
     blocks = [model.plant(), tracking_controller(model, control_point=0.2, k1=2.0, k2=2.0), reference]

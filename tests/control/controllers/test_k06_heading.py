@@ -141,6 +141,7 @@ def test_bang_bang_reaches_the_goal_and_chatters_there_as_the_thesis_says(bang_b
     assert set(np.unique(c["yaw_rate_ref"])) <= {-1.5, 0.0, 1.5}
 
 
+@pytest.mark.slow
 def test_the_ideal_proportional_law_keeps_a_steady_state_error(proportional, bang_bang):
     time, c = proportional
     late = time > 10

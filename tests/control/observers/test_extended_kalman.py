@@ -174,6 +174,7 @@ def nees(runs, steps, lost):
     return np.array(found)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lost", [pytest.param(0.0, marks=pytest.mark.slow), 0.5])
 def test_its_errors_are_as_large_as_it_says(lost):
     errors = nees(50, 30, lost)

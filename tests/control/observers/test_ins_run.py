@@ -122,6 +122,7 @@ def test_unequal_steps_are_taken_as_they_are(rng):
     assert one[-1] == pytest.approx(noise.P1[0] + noise.Q1[0] * t[-1] / DT + bias, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_ranges_of_a_log_count_one_by_one():
     beacons, t = [(0.0, 0.0), (3.0, 0.0), (0.0, 3.0)], np.arange(0, 2, 0.01)
     zero = np.zeros(len(t))

@@ -68,6 +68,7 @@ def test_a_retransmission_within_the_sample_time_squares_the_probability():
         assert np.mean(x[4] ** 2) == pytest.approx(k06_loop(a).growth(q) ** 4, rel=5 * spread)
 
 
+@pytest.mark.slow
 def test_a_round_trip_takes_what_both_links_take():
     clock = Signal("clock", "s")
     plant = Block("plant", [clock], [], [clock], derivatives={"clock": 1})

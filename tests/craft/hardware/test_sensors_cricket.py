@@ -204,6 +204,7 @@ def heading_error(ticking, radius, params=None, count=60):
     return math.degrees(np.mean(wrong))
 
 
+@pytest.mark.slow
 def test_two_unit_heading_errs_by_how_far_the_first_unit_went_in_a_slot():
     turn = RATE * 0.1
     for radius in (0.0, 0.15, 0.3048):

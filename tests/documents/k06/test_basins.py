@@ -43,6 +43,7 @@ def region(request):
     return turn_basins(plane, 24, at=at)
 
 
+@pytest.mark.slow
 def test_every_start_ends_at_one_of_the_two_limit_points(region):
     classes = np.array([region[name] for name in ("turns", "stuck", "unwanted")])
     assert (classes.sum(axis=0) == 1).all()

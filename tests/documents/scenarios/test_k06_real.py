@@ -109,6 +109,7 @@ def test_from_rest_both_laws_come_within_the_pointing_tolerance(law):
     assert len(found) == 3 and [(m.metric.name, m.value) for m in found if not m.met] == []
 
 
+@pytest.mark.slow
 def test_the_log_is_that_of_the_navigation(heading, tmp_path):
     heading.save(tmp_path)
     log = read_log(tmp_path / "log.csv", inputs=("thrust", "rudder"))

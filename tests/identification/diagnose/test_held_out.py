@@ -161,6 +161,7 @@ def test_the_part_of_the_error_taken_does_not_depend_on_calm_blocks(sloped):
         assert taken == pytest.approx(1.0 - np.mean(left))
 
 
+@pytest.mark.slow
 def test_a_wrong_name_beside_a_right_one_is_dropped_and_the_right_one_judged_alone(sloped):
     case, base, fit, _ = sloped
     data = gather(case.model, case.logs)

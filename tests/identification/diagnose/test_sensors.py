@@ -70,6 +70,7 @@ def test_outliers_that_were_missed_are_no_lasting_error(case):
     assert {s.channel for s in slow_errors(replace(fit, left=fit.left + 2.0))} == {*NOISE}
 
 
+@pytest.mark.slow
 def test_random_forces_take_what_acts_on_the_craft(gusty):
     assert gusty.found.slow_errors == () and not only_noise(gusty.found.selection.final, CRITERIA)
 

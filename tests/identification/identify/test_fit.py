@@ -67,6 +67,7 @@ def test_four_fan_coefficients_come_back_from_several_pose_logs(fan_log, fan_tru
     assert found.logs == ("simulated", "simulated")
 
 
+@pytest.mark.slow
 def test_logs_may_measure_different_things(fan_log, fan_truth):
     found = identify(four_fan(), [fan_log(POSE, seed=1), fan_log(VELOCITY, seed=2)])
     assert set(found.noise) == {*POSE, *VELOCITY}

@@ -32,6 +32,7 @@ def test_a_pose_of_pure_noise_ends_in_a_result(seed):
     assert all(np.isfinite(c.value) and c.std >= 0.0 for c in found.coefficients)
 
 
+@pytest.mark.slow("1")
 @pytest.mark.parametrize("step", [0.005, 0.1])
 def test_body_velocities_of_pure_noise_end_in_a_result(step):
     found = identify(c17_experiment(), [noise_log(0, VELOCITY, rows=400, step=step)])
