@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from tests.packaging import versions
+from tests.packaging import tenth, versions
 
 
 def test_the_oldest_versions_are_the_lower_bounds_of_the_project():
@@ -57,5 +57,5 @@ def test_an_environment_that_was_prepared_is_taken_once(tmp_path, monkeypatch):
 
 def test_of_each_file_the_newest_versions_take_the_first_test():
     items = [SimpleNamespace(path=path, name=name) for path, name in ("aw", "ax", "by", "az")]
-    versions.pytest_collection_modifyitems(items)
+    tenth.pytest_collection_modifyitems(items)
     assert sorted(item.name for item in items) == ["w", "y"]

@@ -19,12 +19,10 @@ import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
-import pytest
-
 PROJECT = Path(__file__).parents[2]
 PREPARED = "prepared"
-#: Options of pytest: a tenth of the tests (this file is the plugin), none of C code, the same everywhere.
-TENTH = ["-p", "tests.packaging.versions", "--ignore=tests/fmu"]
+#: Options of pytest: a tenth of the tests, none of C code, which is the same for every Python.
+TENTH = ["-p", "tests.packaging.tenth", "--ignore=tests/fmu"]
 
 #: Says which Python this is, if it is a release that can make a virtual environment.
 ASK = """
@@ -34,12 +32,6 @@ print(*sys.version_info[:2])
 """
 
 Version = tuple[int, int]
-
-
-@pytest.hookimpl(trylast=True)
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Keep the first test of each file."""
-    items[:] = reversed({item.path: item for item in reversed(items)}.values())
 
 
 def project() -> dict:
