@@ -89,20 +89,16 @@ def test_fans_push_the_way_the_readme_says(runs) -> None:
         assert 700 < gain < 1500
 
 
-@pytest.mark.slow("part1", "part2")
 @pytest.mark.parametrize("name", ["h1_aligned", "h1_blue_aligned", "h1_blue_raw_pose"])
-@pytest.mark.parametrize("part", [(0.0, 1.0), (0.0, 0.5), (0.5, 1.0)])
-def test_no_row_of_a_fast_craft_is_rejected(name: str, part: tuple[float, float]) -> None:
+def test_no_row_of_a_fast_craft_is_rejected(name: str) -> None:
     """At 240 Hz and up to 22 rad/s; a marker body that is changed on the way shifts it by 2 mm at once."""
-    log = read_log(FAST / f"{name}.csv")
-    log = log.select(slice(*(int(share * len(log)) for share in part)))
-    smoothed = smooth_pose(log)
+    smoothed = smooth_pose(read_log(FAST / f"{name}.csv"))
     assert smoothed.rejected == ()
     assert smoothed.accepted.all()
 
 
-@pytest.mark.slow("blue", "run_")
-@pytest.mark.parametrize("run", ["h1_aligned", "h1_blue_aligned", "run_a_pose", "run_d_pose"])
+@pytest.mark.slow("run_")
+@pytest.mark.parametrize("run", ["h1_aligned", "run_a_pose"])
 def test_gross_outliers_in_real_motion_never_pull_the_pose(run: str) -> None:
     log = read_log((FAST if run.startswith("h1") else DATA) / f"{run}.csv")
     clean, pose = smooth_pose(log), log.stack("x", "y", "psi")

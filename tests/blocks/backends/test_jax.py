@@ -121,9 +121,13 @@ def test_what_sets_restarts_is_fixed_in_a_run_function():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("block", [LOOP, sampled_loop()], ids=["continuous", "hybrid"])
 @pytest.mark.parametrize(
-    "method", [{"method": "rk4", "step": 2e-3}, {"method": "dormand-prince", "rtol": 1e-10}]
+    ("block", "method"),
+    [
+        (LOOP, {"method": "rk4", "step": 2e-3}),
+        (sampled_loop(), {"method": "dormand-prince", "rtol": 1e-10}),
+    ],
+    ids=["continuous", "hybrid"],
 )
 def test_a_sweep_has_the_figures_of_the_compiled_one(block, method):
     key = {"loop": "controller.k1", "braked": "cart.late"}[block.name]

@@ -334,7 +334,7 @@ def weak(rudder_log, seed):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(3))
 def test_a_log_that_tells_little_ends_in_what_rounding_does_not_change(rudder_log, seed):
     """Another processor rounds otherwise: numbers changed by 1e-13 to 1e-10 of themselves do the same.
 
@@ -343,7 +343,7 @@ def test_a_log_that_tells_little_ends_in_what_rounding_does_not_change(rudder_lo
     log = weak(rudder_log, seed)
     found = identify(c17_experiment(), [log])
     assert not all(f.excited for f in found.coefficients)
-    for k, size in enumerate((1e-13, 1e-12, 1e-11, 1e-10)):
+    for k, size in enumerate((1e-13, 1e-10)):
         again = identify(c17_experiment(), [perturbed(log, size, np.random.default_rng(k))])
         assert again.not_converged == found.not_converged
         close = 0.01 if found.converged else 0.2

@@ -56,7 +56,7 @@ def test_fifteen_hundredths_of_a_second_are_enough_at_ten_kilohertz():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("slower", [1e-4, 1e-2, 1e2, 1e5])
+@pytest.mark.parametrize("slower", [1e-4, 1e5])
 def test_the_diagnosis_is_the_same(slower):
     one, other = (
         hc.diagnose(motor(s), [log_of(s, deadzone=0.5)], log_of(s, seed=1, deadzone=0.5))
