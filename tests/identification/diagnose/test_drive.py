@@ -52,7 +52,7 @@ def test_friction_that_fades_is_told_from_one_that_does_not():
     assert [e.effect for e in found.effects] == ["v_stribeck", "v_stribeck"]
 
 
-#: One of each kind of law that a Block of a user's may lack, besides those above: benchmarks/own_machines has all.
+#: One of each kind of law that a user's Block may lack, besides those above; benchmarks/own_machines has all.
 LAWS = {
     "v_quadratic_drag": {"value": 0.5},
     "v_lugre": {"stiffness": 300.0, "damping": 10.0, "coulomb": 0.4, "static": 0.6, "speed": 0.05},
