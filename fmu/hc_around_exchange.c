@@ -102,6 +102,8 @@ int hc_around_completed_step(hc_around *c, int *event, int *terminate)
         return hc_around_fail(c, "no memory");
     if (status < HC_DISCARD)
         status = hc_inner_completed_step(c->inner, event, terminate);
+    if (c->kind == HC_MODEL_EXCHANGE && c->t >= hc_around_next(c))
+        *event = 1;
 #if HC_DELAYS
     if (hc_delays_send_prompt(c->delays, c->u))
         *event = 1;

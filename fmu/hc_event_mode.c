@@ -102,11 +102,7 @@ int hc_update_discrete_states(hc_instance *c, int *states_changed, double *next)
         if (c->changed && c->model->n_ticks > 0 && hc_tell_solver(c) != HC_OK)
             status = hc_fail_ticks(c);
     }
-    *next = c->ticks.next < c->next_switch ? c->ticks.next : c->next_switch;
-#if HC_DELAYS
-    if (hc_delays_next(c->delays) < *next)
-        *next = hc_delays_next(c->delays);
-#endif
+    *next = hc_next_event(c);
     c->updated = HC_UPDATED;
     return status;
 }

@@ -85,6 +85,7 @@ typedef struct hc_instance {
     int changed;       /* values were set and not yet passed to the solver */
     int changed_before; /* the same at the last step */
     int event;         /* the solver's last step ended at an event */
+    int states_set;    /* how often the importer set the states since it last completed a step */
     double *initial;   /* the state of a new instance */
     unsigned *expanded; /* work space of FMI 3: value references with arrays as their elements, of several lists */
     size_t n_expanded;
@@ -162,6 +163,8 @@ int hc_set_states(hc_instance *c, const double *x, size_t n);
 /* Copy one part of `value`, or the nominal sizes of the states. */
 int hc_get_part(hc_instance *c, int part, double *into, size_t n);
 int hc_get_nominals(hc_instance *c, double *into, size_t n);
+/* The time of the next tick, switch or arrival of a delayed input; DBL_MAX: none. */
+double hc_next_event(const hc_instance *c);
 int hc_completed_step(hc_instance *c, int *enter_event_mode);
 int hc_enter_event_mode(hc_instance *c);
 /* `next` is DBL_MAX where there is no next event. */

@@ -3,6 +3,8 @@
 
 #include <string.h>
 
+#define UNREPORTED 1000 /* more states than the stages of any step and its repetitions */
+
 int hc_set_time(hc_instance *c, double time)
 {
     if (!hc_is_finite(time))
@@ -30,6 +32,11 @@ int hc_set_states(hc_instance *c, const double *x, size_t n)
             return hc_discard(c, "state %s is set to a value that is not finite", hc_description.names[i]);
     memcpy(c->x, x, n * sizeof *x);
     hc_invalidate(c);
+    if (++c->states_set == UNREPORTED && c->state == HC_CONTINUOUS_TIME &&
+        (c->model->n_friction > 0 || hc_next_event(c) < DBL_MAX))
+        hc_log_message(&c->log, HC_WARNING, c->function,
+                       "%d states set without completedIntegratorStep: an importer that passes no events keeps the modes "
+                       "of dry friction, and what ticks, as they were", UNREPORTED);
     return HC_DONE;
 }
 
@@ -58,11 +65,25 @@ int hc_get_nominals(hc_instance *c, double *into, size_t n)
     return HC_DONE;
 }
 
+double hc_next_event(const hc_instance *c)
+{
+    double next = c->ticks.next < c->next_switch ? c->ticks.next : c->next_switch;
+#if HC_DELAYS
+    if (hc_delays_next(c->delays) < next)
+        next = hc_delays_next(c->delays);
+#endif
+    return next;
+}
+
+/* Event Mode is asked for wherever it is due, for importers that do not look at indicators and time events, or not
+ * where an input jumps. */
 int hc_completed_step(hc_instance *c, int *enter_event_mode)
 {
-    *enter_event_mode = 0;
+    c->states_set = 0;
+    *enter_event_mode = c->value[0] >= hc_next_event(c);
+    hc_evaluate(c, HC_INDICATORS);
     for (int k = 0; k < c->model->n_friction; k++)
-        if (c->mode[k] == 0 && !hc_is_at_rest(c, k)) /* the importer changed a sticking velocity */
+        if (c->z[k] < 0.0 || (c->mode[k] == 0 && !hc_is_at_rest(c, k))) /* sticking, the importer moved it */
             *enter_event_mode = 1;
 #if HC_DELAYS
     if (hc_delays_send_prompt(c->delays, c->u))

@@ -56,6 +56,7 @@
 
 /* hc_model_exchange.c */
 #define hc_completed_step HC_NAME(hc_completed_step)
+#define hc_next_event HC_NAME(hc_next_event)
 #define hc_enter_event_mode HC_NAME(hc_enter_event_mode)
 #define hc_get_nominals HC_NAME(hc_get_nominals)
 #define hc_get_part HC_NAME(hc_get_part)

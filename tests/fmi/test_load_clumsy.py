@@ -1,5 +1,6 @@
 """FMUs that end a run, leave out their step, or have inputs that may not be 0 are taken as they are."""
 
+import pickle
 import warnings
 import zipfile
 
@@ -102,18 +103,52 @@ def test_an_enumeration_without_item_0_begins_at_its_start_value(probe, fmi):
             run.step({"gear": 0}, 0.1)
 
 
-def test_structural_parameters_size_arrays_and_are_named_as_such(fmu):
+def sized(fmu, start='start="3"'):
+    """Return an FMU whose arrays v and w have n elements."""
     path = fmu(3, names=["v", "w", "k"])
     text = description(3, names=["v", "w", "k"])
-    sized = '<UInt64 name="n" valueReference="38" causality="structuralParameter" start="3"/>'
+    n = f'<UInt64 name="n" valueReference="38" causality="structuralParameter" variability="fixed" {start}/>'
     text = text.replace('<Dimension start="3"/>', '<Dimension valueReference="38"/>')
-    rewritten(path, text.replace("<ModelVariables>", f"<ModelVariables>{sized}"))
+    rewritten(path, text.replace("<ModelVariables>", f"<ModelVariables>{n}"))
+    return path
+
+
+def test_structural_parameters_size_arrays(fmu):
+    path = sized(fmu)
     with load(path) as system:
         assert system.input_labels == ["v[1]", "v[2]", "v[3]"] and list(system.params) == ["probe.k"]
         assert list(system.output(0, [0], [1.0, 1.0, 1.0])) == [1, 2, 3]
-    for given in ({"n": 4}, {"probe.n": 4}):
-        with pytest.raises(InputError, match=r"n' is a structural parameter .* keeps its start value 3"):
-            load(path, params=given)
+        with pytest.raises(InputError, match=r"n' is a structural parameter .*: load\(\) sets it"):
+            system.output(0, [0], [1.0, 1.0, 1.0], params={"probe.n": 2, "n": 2})
+    for given, isolated in (({"n": 2}, False), ({"probe.n": 2, "k": 3.0}, True)):
+        with (
+            load(path, params=given, isolated=isolated) as system,
+            pickle.loads(pickle.dumps(system)) as again,
+        ):
+            for each in (system, again):
+                assert each.input_labels == ["v[1]", "v[2]"]
+                assert list(each.output(0, [0], [1.0, 1.0])) == [1, 2]
+    with pytest.raises(InputError, match=r"structural parameter 'n': expected a size, found 1\.5"):
+        load(path, params={"n": 1.5})
+    with pytest.raises(InputError, match="structural parameter 'n' has no start value"):
+        load(sized(fmu, ""))
+
+
+def test_messages_come_whatever_their_category(fmu):
+    path = fmu(3, names=["u", "x", "trouble", "at"])
+    category = '<LogCategories><Category name="logStatusError"/></LogCategories>'
+    text = description(3, names=["u", "x", "trouble", "at"])
+    rewritten(path, text.replace("<DefaultExperiment", category + "<DefaultExperiment"))
+    with (
+        load(path, params={"trouble": TROUBLE["error"]}) as system,
+        pytest.raises(InputError, match=r"the tank is empty, level -1\.5"),
+    ):
+        ct.input_output_response(system, T, 0.0)
+
+
+def test_a_system_without_outputs_is_a_warning(fmu):
+    with pytest.warns(UserWarning, match="has no outputs"):
+        load(fmu(3, names=["u", "k"])).close()
 
 
 def test_an_entry_that_is_there_twice_with_the_same_bytes_is_taken(library, tmp_path):

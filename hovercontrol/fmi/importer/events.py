@@ -207,7 +207,7 @@ def _rows(system: FmuModel, inputs: Any, times: Array) -> Array:
         given = np.asarray(inputs, dtype=float)
         rows[:] = given if given.ndim == 2 else given.reshape(len(names), -1) if given.ndim else given
     for t, u in zip(times, rows.T, strict=True):
-        system._check.checked(f"FMU {system.name!r}", float(t), u)
+        system._input_check.checked(f"FMU {system.name!r}", float(t), u)
     return rows
 
 

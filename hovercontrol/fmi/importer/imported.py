@@ -65,6 +65,8 @@ def load(
         System name, without dots (default: the FMU's model identifier).
     params : mapping of str to float, optional
         Parameter values instead of the FMU's start values, by key (``plant.mass``) or by the FMU's own name.
+        Structural parameters, which size arrays, can be set here alone, in FMI 3's Configuration Mode; the
+        elements of a parameter whose size changes must be given too, or keep the FMU's values.
     isolated : bool, optional
         Run the FMU in a separate process, so that its crash, exit or hang is an error here.
     timeout : float, optional
@@ -91,8 +93,8 @@ def load(
     -----
     UserWarning
         If inputs or outputs are left out because they are not numbers (String, Binary, Clock) or their clock
-        is not ticked, or the FMU has no step size. If findings are tolerated (`strict`). If an FMU for Model
-        Exchange has time events, which python-control's simulations do not pass.
+        is not ticked, or the FMU has no step size or no outputs. If findings are tolerated (`strict`). If an
+        FMU for Model Exchange has time events, which python-control's simulations do not pass.
 
     Examples
     --------
@@ -107,7 +109,7 @@ def load(
             raise InputError(f"{path}: name and params are for one FMU; a system has its own")
         options = {"step": step, "isolated": isolated, "timeout": timeout, "kind": kind, "strict": strict}
         return load_ssp(path, load, **options)
-    source = open_source(path, kind, strict)
+    source = open_source(path, kind, strict, params)
     try:
         interface = source.interface
         if interface.findings:
@@ -116,6 +118,8 @@ def load(
         if interface.left_out:
             text = ", ".join(interface.left_out)
             warnings.warn(f"{path}: left out, not real numbers or clocked: {text}", stacklevel=2)
+        if not interface.outputs:
+            warnings.warn(f"{path}: has no outputs", stacklevel=2)
         if interface.kind == "ModelExchange":
             return _model(source, step, checked_name(interface, name), params, isolated)
         dt = checked_step(path, interface, step)

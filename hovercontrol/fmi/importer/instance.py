@@ -229,10 +229,12 @@ class Instance:
             self._fmu.instantiate(callbacks=callbacks_of(self._log), loggingOn=True)
         else:
             self._fmu.instantiate(loggingOn=True, logMessage=self._listen, **self._options)
+            if sizes := self._interface.sizes:
+                self._fmu.enterConfigurationMode()
+                for reference, kind, value in sizes.values():
+                    getattr(self._fmu, f"set{kind}")([reference], [value])
+                self._fmu.exitConfigurationMode()
         self._running = True
-        if categories := self._interface.error_categories:
-            with contextlib.suppress(FMICallException):
-                self._fmu.setDebugLogging(True, categories)
 
     def _free(self, fmu: Any) -> None:
         if not self._running or self._fatal:
@@ -258,6 +260,8 @@ class Instance:
             own = [next(values) for _ in variable.labels]
             if any(value is not None for value in own):
                 filled = [s if v is None else v for v, s in zip(own, variable.start, strict=True)]
+                if any(value != value for value in filled):
+                    raise FmuError(f"parameter {variable.name!r} has another size now: give all its elements")
                 Values([variable]).set(self._fmu, filled)
 
     def _read(self) -> list[float]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from hovercontrol.base.errors import InputError
@@ -103,11 +103,10 @@ class Interface:
     inputs: tuple[Variable, ...]
     outputs: tuple[Variable, ...]
     parameters: tuple[Variable, ...]
-    structural: dict[str, str]  # structural parameters with their start values, which they keep
+    structural: tuple[str, ...]  # names of structural parameters
     feedthrough: dict[str, tuple[str, ...]]
     has_states: bool  # can get and set its state
     once_per_process: bool
-    error_categories: tuple[str, ...]
     left_out: tuple[str, ...]
     kind: Kind = "CoSimulation"
     states: tuple[Variable, ...] = ()
@@ -116,6 +115,7 @@ class Interface:
     directional: bool = False
     findings: tuple[str, ...] = ()  # what breaks the standard and was tolerated
     clocks: tuple[Clock, ...] = ()  # that the importer ticks
+    sizes: dict[str, tuple[int, str, int]] = field(default_factory=dict)  # of these, that the user set
 
     __repr__ = short_repr
 

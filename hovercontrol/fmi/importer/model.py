@@ -5,20 +5,18 @@ from __future__ import annotations
 import contextlib
 import weakref
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any
 
 import control
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.base.errors import InputError
-from hovercontrol.blocks.backends.control import _Params
 from hovercontrol.blocks.backends.linear import state_space
 from hovercontrol.fmi.importer.continuous import Continuous
 from hovercontrol.fmi.importer.instance import FmuError
-from hovercontrol.fmi.importer.interface import Interface, units_and_descriptions
+from hovercontrol.fmi.importer.loaded import Loaded
 from hovercontrol.fmi.importer.unpacked import Source, Unpacked
-from hovercontrol.fmi.importer.values import InputCheck, own_parameters, parameter_key
 
 if TYPE_CHECKING:
     from hovercontrol.blocks.simulation.response import Response
@@ -29,7 +27,7 @@ Array = NDArray[np.float64]
 _DIFFERENCE = float(np.finfo(float).eps ** (1 / 3))
 
 
-class FmuModel(control.NonlinearIOSystem):
+class FmuModel(Loaded):
     """An FMU's equations as a continuous python-control system; made by :func:`hovercontrol.fmi.load`.
 
     States, inputs and outputs are the FMU's, by their names and in their order; arrays are expanded into
@@ -54,30 +52,10 @@ class FmuModel(control.NonlinearIOSystem):
     """
 
     def __init__(self, source: Source, name: str, params: Mapping[str, float] | None) -> None:
-        self.path, self._source, self._prefix = source.path, source, name
+        super().__init__(source, name, params, 0, source.interface.states)
         interface = source.interface
-        elements = [(x, v, s) for v in interface.parameters for x, s in zip(v.labels, v.start, strict=True)]
-        self._keys = {parameter_key(name, label): (v, start) for label, v, start in elements}
-        if len(self._keys) < len(elements):
-            self._keys = {f"{name}.{label}": (v, start) for label, v, start in elements}
-        defaults = {key: value for key, (_, value) in self._keys.items()}
-        defaults |= own_parameters(params or {}, self._keys, name, interface, False)
-        groups = (interface.inputs, interface.outputs, interface.states)
-        inputs, outputs, states = ([label for v in group for label in v.labels] for group in groups)
-        sizes = {"inputs": len(inputs), "outputs": len(outputs), "states": len(states)}
-        super().__init__(self._updates, self._results, params=_Params(defaults), name=name, dt=0, **sizes)
-        # Set past python-control's check, which takes no dots.
-        self.input_index = {label: i for i, label in enumerate(inputs)}
-        self.output_index = {label: i for i, label in enumerate(outputs)}
-        self.state_index = {label: i for i, label in enumerate(states)}
-        units, descriptions = units_and_descriptions([v for group in groups for v in group])
-        of_keys, texts_of_keys = units_and_descriptions(interface.parameters, self._keys)
-        self.units = units | of_keys
-        self.descriptions = descriptions | texts_of_keys
-        self._check = InputCheck(interface.inputs)
         starts = [s for v in interface.inputs for s in (v.start or (0.0,) * len(v.labels))]
         self._first_inputs = np.array(starts, dtype=float)
-        self._values = self._in_order(defaults)
         self._begun: tuple[float | None, ...] | None = None
         try:
             self._engine = Continuous(source.unpacked.folder, interface, name)
@@ -86,11 +64,6 @@ class FmuModel(control.NonlinearIOSystem):
         source.unpacked.hold()
         self._end = weakref.finalize(self, _release, self._engine, source.unpacked)
         self._begin()
-
-    @property
-    def interface(self) -> Interface:
-        """The FMU's interface, from its model description."""
-        return self._source.interface
 
     @property
     def initial_state(self) -> Array:
@@ -109,15 +82,8 @@ class FmuModel(control.NonlinearIOSystem):
         self._begun = None
         self._end()
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
     def __deepcopy__(self, memo: dict[int, Any]) -> FmuModel:
-        if not self._end.alive:
-            raise InputError(f"FMU {self.name!r} is closed")
+        self._alive()
         system = FmuModel(self._source, self._prefix, dict(self.params))
         system.name, system.state_index = self.name, dict(self.state_index)
         system.input_index, system.output_index = dict(self.input_index), dict(self.output_index)
@@ -166,8 +132,8 @@ class FmuModel(control.NonlinearIOSystem):
         from hovercontrol.fmi.importer.events import simulated
 
         self._alive()
-        given = own_parameters(params or {}, self._keys, self._prefix, self.interface, False)
-        values = self._in_order({**self.params, **given})
+        given = self._checked(params or {}, pushed=False)
+        values = self.values_in_order({**self.params, **given})
         self._begun = None  # the instance is not at its start afterwards
         with self._faults("in a simulation"):
             return simulated(self, self._engine, values, (time, inputs, x0), (method, rtol, atol))
@@ -210,7 +176,7 @@ class FmuModel(control.NonlinearIOSystem):
         self._update_params(params)
         self._begin()
         with self._faults(f"linearised at t = {t:.9g} s"):
-            matrices = self._engine.partials(float(t), x, self._check.checked(self._label, t, u))
+            matrices = self._engine.partials(float(t), x, self._input_check.checked(self._label, t, u))
         if matrices is None:
             matrices = self._differences(float(t), x, u)
         if copy_names:
@@ -233,19 +199,6 @@ class FmuModel(control.NonlinearIOSystem):
         table = np.array(columns).reshape(len(z), n + self.noutputs).T
         return [table[:n, :n], table[:n, n:], table[n:, :n], table[n:, n:]]
 
-    @property
-    def _label(self) -> str:
-        return f"FMU {self.name!r}"
-
-    def _in_order(self, values: Mapping[str, float]) -> tuple[float | None, ...]:
-        starts = ((key, start) for key, (_, start) in self._keys.items())
-        return tuple(None if values.get(key, s) == s else float(values[key]) for key, s in starts)
-
-    def _update_params(self, params: Mapping[str, float] | None) -> None:
-        pushed = isinstance(params, _Params)
-        given = own_parameters(params or {}, self._keys, self._prefix, self.interface, pushed)
-        self._values = self._in_order({**self.params, **given})
-
     def _begin(self) -> None:
         """Initialise the FMU with the present parameters, if they differ from those that it has."""
         self._alive()
@@ -256,10 +209,6 @@ class FmuModel(control.NonlinearIOSystem):
             self._engine.begin(0.0, self._values, self._first_inputs.tolist())
         self._begun = self._values
         self._initial, self._next_event = self._engine.states.copy(), self._engine.event.next
-
-    def _alive(self) -> None:
-        if not self._end.alive:
-            raise InputError(f"{self._label} is closed")
 
     @contextlib.contextmanager
     def _faults(self, when: str) -> Iterator[None]:
@@ -297,22 +246,6 @@ class FmuModel(control.NonlinearIOSystem):
     def _failed(self, t: float, fault: FmuError) -> InputError:
         self._begun = None
         return InputError(f"{self._label} failed at t = {t:.9g} s: {fault}")
-
-    def _updates(self, t: float, x: Any, u: Any, params: Mapping[str, float]) -> Array:
-        return self._with(params, self._rhs, t, x, u)
-
-    def _results(self, t: float, x: Any, u: Any, params: Mapping[str, float]) -> Array:
-        return self._with(params, self._out, t, x, u)
-
-    def _with(self, params: Mapping[str, float], function: Any, t: float, x: Any, u: Any) -> Array:
-        before = self._values
-        own = own_parameters(params, self._keys, self._prefix, self.interface, True)
-        self._values = self._in_order({**self.params, **own})
-        try:
-            values: Array = function(t, x, u)
-            return values
-        finally:
-            self._values = before
 
 
 _FLOAT = np.dtype(float)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import itertools
 import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -30,11 +30,18 @@ WORDS = {"CoSimulation": "Co-Simulation", "ModelExchange": "Model Exchange"}
 #: Elements of all signals and parameters together; more is no control system.
 MOST_ELEMENTS = 100_000
 #: Name, unit and description of each element, by the array's name.
+#: Of a structural parameter: value reference, type, size.
+Size = tuple[int, str, int]
 Elements = dict[str, list[tuple[str, str, str]]]
 
 
 def read_interface(
-    path: Path, header: Header, where: str, kind: Kind | None = None, strict: bool = True
+    path: Path,
+    header: Header,
+    where: str,
+    kind: Kind | None = None,
+    strict: bool = True,
+    params: Mapping[str, float] | None = None,
 ) -> Interface:
     """Return the interface in a model description.
 
@@ -50,6 +57,8 @@ def read_interface(
         Default: Co-Simulation if the FMU has it.
     strict : bool, optional
         Whether a description that violates the standard is refused; if not, `findings` has what does.
+    params : mapping of str to float, optional
+        Of these, structural parameters are set, in the file too: arrays have other sizes then.
 
     Raises
     ------
@@ -62,8 +71,14 @@ def read_interface(
     if version != "2.0" and not version.startswith("3."):
         raise InputError(f"{where} is an FMU of FMI {version}; expected FMI 2.0 or 3.0")
     try:
+        root = ElementTree.parse(path).getroot()
+        sizes = _sizes(root, params or {}, where)
+        if sizes:
+            ElementTree.ElementTree(root).write(path, "utf-8", xml_declaration=True)
         # Given the XML file and not its folder, FMPy opens no other file.
-        described, findings = _read(path, strict)
+        described, findings = _read(path, strict and not sizes)
+    except InputError:
+        raise
     except ValidationError as error:
         raise InputError(
             f"{where}: modelDescription.xml violates FMI {version}: {_first(error.problems)}; "
@@ -72,8 +87,7 @@ def read_interface(
     except Exception as error:  # FMPy raises what its parser and its own look-ups raise
         raise InputError(f"{where}: modelDescription.xml cannot be read: {_first([str(error)])}") from None
     try:
-        root = ElementTree.parse(path).getroot()
-        found = _interface(described, root, where, kind, findings)
+        found = _interface(described, root, where, kind, () if sizes and strict else findings, sizes)
         # FMPy 0.3.32 reads FMI 2's attribute alone.
         element = root.find(found.kind)
         ability = None if element is None else element.get("providesDirectionalDerivatives")
@@ -84,6 +98,23 @@ def read_interface(
         if strict:
             raise
         raise InputError(f"{where}: modelDescription.xml cannot be used: {_first([str(error)])}") from None
+
+
+def _sizes(root: ElementTree.Element, params: Mapping[str, float], where: str) -> dict[str, Size]:
+    """Give structural parameters the user's values, and return those."""
+    found: dict[str, Size] = {}
+    for v in root.iterfind("ModelVariables/*[@causality='structuralParameter']"):
+        name = v.get("name", "")
+        given = [value for key, value in params.items() if key == name or key.endswith(f".{name}")]
+        if given:
+            size = given[-1]
+            if not isinstance(size, (int, float)) or size != int(size) or size < 0:
+                raise InputError(f"{where}: structural parameter {name!r}: expected a size, found {size!r}")
+            found[name] = int(v.get("valueReference", "0")), v.tag, int(size)
+            v.set("start", str(int(size)))
+        elif v.get("start") is None:
+            raise InputError(f"{where}: structural parameter {name!r} has no start value; give one in params")
+    return found
 
 
 def _read(path: Path, strict: bool) -> tuple[Any, tuple[str, ...]]:
@@ -108,7 +139,12 @@ def _part(described: Any, where: str, kind: Kind | None) -> tuple[Any, Kind]:
 
 
 def _interface(
-    described: Any, root: ElementTree.Element, where: str, kind: Kind | None, findings: tuple[str, ...]
+    described: Any,
+    root: ElementTree.Element,
+    where: str,
+    kind: Kind | None,
+    findings: tuple[str, ...],
+    sizes: dict[str, Size],
 ) -> Interface:
     fmi, own = int(described.fmiVersion[0]), _own_elements(root)
     part, kind = _part(described, where, kind)
@@ -136,7 +172,7 @@ def _interface(
         elements += math.prod(variable.shape or ())
         if elements > MOST_ELEMENTS:
             raise InputError(f"{where} has more than {MOST_ELEMENTS} signals and parameters")
-        chosen[variable.causality].append(_variable(variable, fmi, where, own))
+        chosen[variable.causality].append(_variable(variable, fmi, where, own, bool(sizes)))
     inputs, outputs, parameters = (tuple(chosen[key]) for key in ("input", "output", "parameter"))
     for variables in (inputs, outputs, parameters):
         _distinct(variables, where)
@@ -151,17 +187,10 @@ def _interface(
         inputs=inputs,
         outputs=outputs,
         parameters=parameters,
-        structural={
-            v.name: v.start or "" for v in described.modelVariables if v.causality == "structuralParameter"
-        },
+        structural=tuple(v.name for v in described.modelVariables if v.causality == "structuralParameter"),
         feedthrough=_feedthrough(described, inputs, outputs),
         has_states=part.canGetAndSetFMUstate,
         once_per_process=part.canBeInstantiatedOnlyOncePerProcess,
-        error_categories=tuple(
-            category.name
-            for category in getattr(described, "logCategories", ())
-            if category.name in ("logStatusWarning", "logStatusDiscard", "logStatusError", "logStatusFatal")
-        ),
         left_out=tuple(left_out),
         kind=kind,
         states=states,
@@ -170,6 +199,7 @@ def _interface(
         directional=bool(part.providesDirectionalDerivative),
         findings=findings,
         clocks=clocks,
+        sizes=sizes,
     )
 
 
@@ -181,7 +211,7 @@ def _states(
     pairs = [(d.derivative, d) for d in listed if d is not None and d.derivative is not None]
     if len(pairs) < len(listed):
         raise InputError(f"{where}: a derivative of the ModelStructure names no state")
-    made = [[_variable(v, fmi, where, own) for v in pair] for pair in pairs]
+    made = [[_variable(v, fmi, where, own, resized=True) for v in pair] for pair in pairs]
     return tuple(pair[0] for pair in made), tuple(pair[1] for pair in made)
 
 
@@ -195,7 +225,7 @@ def _unusable(variable: Any, clocks: Sequence[Clock]) -> str | None:
     return None
 
 
-def _variable(variable: Any, fmi: int, where: str, own: Elements) -> Variable:
+def _variable(variable: Any, fmi: int, where: str, own: Elements, resized: bool) -> Variable:
     kind = variable.type
     if kind == "Enumeration":
         kind = "Integer" if fmi == 2 else "Int64"
@@ -206,10 +236,12 @@ def _variable(variable: Any, fmi: int, where: str, own: Elements) -> Variable:
     start = [float(words.get(word, word)) for word in (variable.start or "").split()]
     if len(start) == 1:
         start *= len(labels)  # one value stands for all elements
-    if variable.causality == "parameter" and len(start) != len(labels):
-        raise InputError(
-            f"{where}: parameter {variable.name!r} has {len(labels)} elements and {len(start)} start values"
-        )
+    if (start or variable.causality == "parameter") and len(start) != len(labels):
+        if not resized:
+            raise InputError(
+                f"{where}: {variable.name!r} has {len(labels)} elements and {len(start)} start values"
+            )
+        start = [math.nan] * len(labels) if variable.causality == "parameter" else []
     unit = variable.unit or (variable.declaredType.unit if variable.declaredType else None) or ""
     texts = [(label, unit, variable.description or "") for label in labels]
     told = own.get(variable.name, [])

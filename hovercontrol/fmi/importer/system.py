@@ -2,31 +2,22 @@
 
 from __future__ import annotations
 
-import contextlib
 import copy
 import weakref
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
-from types import TracebackType
-from typing import TYPE_CHECKING, Any, NoReturn, Self
+from typing import TYPE_CHECKING, Any, NoReturn
 
-import control
 import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.base.errors import InputError
-from hovercontrol.blocks.backends.control import _Params
 from hovercontrol.blocks.simulation.runner import Inputs
-from hovercontrol.fmi.importer.follow import Follower, Parameters
+from hovercontrol.fmi.importer.follow import Follower
 from hovercontrol.fmi.importer.instance import Engine, FmuError
-from hovercontrol.fmi.importer.interface import Interface, units_and_descriptions
+from hovercontrol.fmi.importer.loaded import Loaded
 from hovercontrol.fmi.importer.ticking import instance_of
 from hovercontrol.fmi.importer.unpacked import Source, Unpacked, digest_of, open_source
-from hovercontrol.fmi.importer.values import (
-    InputCheck,
-    own_parameters,
-    parameter_key,
-)
 from hovercontrol.fmi.importer.worker import Remote
 
 if TYPE_CHECKING:
@@ -35,7 +26,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 
-class FmuSystem(control.NonlinearIOSystem):
+class FmuSystem(Loaded):
     """An FMU as a python-control system with ``dt`` = its communication step; made by :func:`load`.
 
     Inputs and outputs are the FMU's, by their names and in their order; arrays are expanded into elements,
@@ -90,41 +81,16 @@ class FmuSystem(control.NonlinearIOSystem):
         isolated: bool,
         timeout: float,
     ) -> None:
-        self.path, self._source, self._isolated, self._timeout = source.path, source, isolated, timeout
+        self._isolated, self._timeout = isolated, timeout
+        super().__init__(source, name, params, step, ["step"])
         interface = source.interface
-        self._prefix = name
-        # By position: each parameter's key, its variable and its value in the FMU.
-        elements = [(x, v, s) for v in interface.parameters for x, s in zip(v.labels, v.start, strict=True)]
-        self._keys = {parameter_key(name, label): (v, start) for label, v, start in elements}
-        if len(self._keys) < len(elements):  # the FMU has both "k" and "plant.k"
-            self._keys = {f"{name}.{label}": (v, start) for label, v, start in elements}
-        defaults = {key: value for key, (_, value) in self._keys.items()}
-        defaults |= self._checked(params or {}, pushed=False)
-        signals = [*interface.inputs, *interface.outputs]
-        inputs = [label for v in interface.inputs for label in v.labels]
-        outputs = [label for v in interface.outputs for label in v.labels]
-        sizes = {"inputs": len(inputs), "outputs": len(outputs), "states": ["step"]}
-        super().__init__(self._updates, self._results, params=_Params(defaults), name=name, dt=step, **sizes)
-        # Set past python-control's check, which takes no dots.
-        self.input_index = {label: i for i, label in enumerate(inputs)}
-        self.output_index = {label: i for i, label in enumerate(outputs)}
-        units, descriptions = units_and_descriptions(signals)
-        of_keys, texts_of_keys = units_and_descriptions(interface.parameters, self._keys)
-        self.units = units | of_keys
-        self.descriptions = descriptions | texts_of_keys
         spread = {v.name: v.labels for v in interface.inputs}
         self.feedthrough = {
             label: tuple(i for name in interface.feedthrough[v.name] for i in spread[name])
             for v in interface.outputs
             for label in v.labels
         }
-        self._input_check = InputCheck(interface.inputs)
-        self._values = self.values_in_order(defaults)
-        self._start(step)
-
-    def _start(self, step: float) -> None:
-        interface, unpacked = self.interface, self.unpacked
-        engine = self._engine()
+        engine, unpacked = self._engine(), self.unpacked
         direct = np.array([bool(inputs) for inputs in self.feedthrough.values()], dtype=bool)
         self._follower = Follower(engine, step, interface.has_states, direct, f"FMU {self.name!r}")
         unpacked.hold()
@@ -171,8 +137,7 @@ class FmuSystem(control.NonlinearIOSystem):
         """
         from hovercontrol.fmi.importer.runner import FmuRunner
 
-        if not self._end.alive:
-            raise InputError(f"FMU {self.name!r} is closed")
+        self._alive()
         if x0 is not None:
             raise InputError(
                 f"FMU {self.name!r}: expected x0 = None, because its state is not accessible; start "
@@ -187,30 +152,12 @@ class FmuSystem(control.NonlinearIOSystem):
         return self._follower.ended
 
     @property
-    def interface(self) -> Interface:
-        """The FMU's interface, from its model description."""
-        return self._source.interface
-
-    @property
     def unpacked(self) -> Unpacked:
         """The FMU's temporary folder."""
         return self._source.unpacked
 
-    def close(self) -> None:
-        """Free the FMU's instance and its temporary folder; may be called twice."""
-        self._end()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
     def __deepcopy__(self, memo: dict[int, Any]) -> FmuSystem:
-        if not self._end.alive:
-            raise InputError(f"FMU {self.name!r} is closed")
+        self._alive()
         return self._named_as(
             FmuSystem(self._source, self.dt, self._prefix, dict(self.params), self._isolated, self._timeout),
             self._names(),
@@ -220,7 +167,8 @@ class FmuSystem(control.NonlinearIOSystem):
         return copy.deepcopy(self)  # two systems cannot share one instance
 
     def __reduce__(self) -> tuple[Any, ...]:
-        arguments = {"step": self.dt, "name": self._prefix, "params": dict(self.params)}
+        sizes = {name: size for name, (_, _, size) in self.interface.sizes.items()}
+        arguments = {"step": self.dt, "name": self._prefix, "params": dict(self.params) | sizes}
         arguments |= {"isolated": self._isolated, "timeout": self._timeout}
         return _again, (self.path.absolute(), self._source.digest, arguments, self._names())
 
@@ -250,21 +198,6 @@ class FmuSystem(control.NonlinearIOSystem):
             "linearise the Block or model from which it was made"
         )
 
-    def _update_params(self, params: Mapping[str, float] | None) -> None:
-        given = self._checked(params or {}, pushed=isinstance(params, _Params))
-        self._current_params = {**self._checked(self.params, pushed=False), **given}
-        self._values = self.values_in_order(self._current_params)
-
-    def _checked(self, params: Mapping[str, float], pushed: bool) -> dict[str, float]:
-        return own_parameters(params, self._keys, self._prefix, self.interface, pushed)
-
-    def values_in_order(self, values: Mapping[str, float]) -> Parameters:
-        """Return the values in the FMU's order, None for values that the FMU already has."""
-        return tuple(
-            None if values.get(key, start) == start else float(values[key])
-            for key, (_, start) in self._keys.items()
-        )
-
     def checked_inputs(self, t: float, u: Any) -> Array:
         """Return the inputs at a time, converted for the FMU; raise :class:`InputError` if impossible."""
         return self._input_check.checked(f"FMU {self.name!r}", t, u)
@@ -280,23 +213,6 @@ class FmuSystem(control.NonlinearIOSystem):
         token = float(np.asarray(x, dtype=float).reshape(-1)[0])
         return self._follower.outputs(token, float(t), self._values, self._connected(t, u))
 
-    def _updates(self, t: float, x: Any, u: Any, params: Mapping[str, float]) -> Array:
-        with self._with(params):
-            return self._rhs(t, x, u)
-
-    def _results(self, t: float, x: Any, u: Any, params: Mapping[str, float]) -> Array:
-        with self._with(params):
-            return self._out(t, x, u)
-
-    @contextlib.contextmanager
-    def _with(self, params: Mapping[str, float]) -> Iterator[None]:
-        before = self._values
-        self._values = self.values_in_order({**self.params, **self._checked(params, pushed=True)})
-        try:
-            yield
-        finally:
-            self._values = before
-
 
 def _again(path: Path, digest: str, arguments: dict[str, Any], names: Any) -> FmuSystem:
     """Load an FMU once more, for a system that was pickled."""
@@ -306,7 +222,7 @@ def _again(path: Path, digest: str, arguments: dict[str, Any], names: Any) -> Fm
         raise InputError(f"{path} of a pickled FMU cannot be read: {error.strerror}") from None
     if found != digest:
         raise InputError(f"{path} has changed since the system was pickled")
-    source = open_source(path, "CoSimulation", False)
+    source = open_source(path, "CoSimulation", False, arguments["params"])
     try:
         system = FmuSystem(source, **arguments)
     finally:

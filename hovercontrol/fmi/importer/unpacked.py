@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import shutil
 import tempfile
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -46,12 +47,14 @@ class Source:
     unpacked: Unpacked
 
 
-def open_source(path: Path, kind: Kind | None = None, strict: bool = True) -> Source:
-    """Check and unpack an FMU without running its code."""
+def open_source(
+    path: Path, kind: Kind | None = None, strict: bool = True, params: Mapping[str, float] | None = None
+) -> Source:
+    """Check and unpack an FMU without running its code; of `params` its structural parameters are set."""
     with open_archive(path) as archive:
         unpacked = Unpacked()
         try:
-            interface = _described(archive, unpacked.folder, kind, strict)
+            interface = _described(archive, unpacked.folder, kind, strict, params)
             binaries = _binaries(archive, interface)
             archive.unpack(unpacked.folder, lambda name: name.startswith((binaries, "resources/")))
             (unpacked.folder / "resources").mkdir(exist_ok=True)
@@ -67,11 +70,17 @@ def describe(path: Path, folder: Path, kind: Kind | None = None, strict: bool = 
         return _described(archive, folder, kind, strict)
 
 
-def _described(archive: Archive, folder: Path, kind: Kind | None, strict: bool) -> Interface:
+def _described(
+    archive: Archive,
+    folder: Path,
+    kind: Kind | None,
+    strict: bool,
+    params: Mapping[str, float] | None = None,
+) -> Interface:
     data = archive.read(DESCRIPTION, LIMITS.description)
     header = check_xml(data, f"{archive.path}: {DESCRIPTION}")
     (folder / DESCRIPTION).write_bytes(data)
-    return read_interface(folder / DESCRIPTION, header, str(archive.path), kind, strict)
+    return read_interface(folder / DESCRIPTION, header, str(archive.path), kind, strict, params)
 
 
 def _binaries(archive: Archive, interface: Interface) -> str:

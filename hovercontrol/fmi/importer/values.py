@@ -77,11 +77,11 @@ def own_parameters(
         key = given if given in keys or pushed else f"{prefix}.{given}"
         if key in keys:
             own[key] = keys[key][0].number(value, f"FMU {prefix!r}: parameter {key!r}")
-        elif (size := interface.structural.get(given.removeprefix(f"{prefix}."))) is not None:
-            raise InputError(
-                f"FMU {prefix!r}: {given!r} is a structural parameter (size of arrays); here it keeps its "
-                f"start value {size}"
-            )
+        elif (name := given.removeprefix(f"{prefix}.")) in interface.structural:
+            if name not in interface.sizes or value != interface.sizes[name][2]:
+                raise InputError(
+                    f"FMU {prefix!r}: {given!r} is a structural parameter (size of arrays): load() sets it"
+                )
         elif not pushed or given.split(".")[0] == prefix:
             hint = did_you_mean(given if "." in given else key, keys)
             raise InputError(f"FMU {prefix!r}: unknown parameter {given!r}{hint}")

@@ -18,7 +18,7 @@ enum {
     U, MODE, ON, V, BYTE = V + 3, GEAR,
     X = 10, Z, STEPS, ECHO, OFF, W, SINGLE = W + 3, SUM,
     K = 20, GAIN, TROUBLE, AT, X0, M, STALE = M + 4, STRICT, FOLLOW,
-    SLOTS = 40
+    SIZE = 38, SLOTS = 40
 };
 enum { NONE, ERROR, DISCARD, CRASH, HANG, EXIT, FATAL, END, EARLY, PRINT, NOT_READY, LAST };
 
@@ -26,6 +26,7 @@ typedef struct {
     double slot[SLOTS];
     double time;
     int set; /* since the last step */
+    int configuring, filtered;
     const fmi2CallbackFunctions *callbacks;
     fmi3LogMessageCallback log;
     void *environment;
@@ -48,16 +49,16 @@ static void say(Model *m, int status, const char *text, double number)
     if (m->callbacks) {
         m->callbacks->logger(m->callbacks->componentEnvironment, "probe", (fmi2Status)status,
                              "logStatusError", "%s %g", text, number);
-    } else {
+    } else if (!m->filtered) { /* as FMUs whose messages have no category */
         char line[200];
         snprintf(line, sizeof line, "%s %g", text, number);
         m->log(m->environment, (fmi3Status)status, "logStatusError", line);
     }
 }
 
-static size_t length(unsigned reference)
+static size_t length(const Model *m, unsigned reference)
 {
-    return reference == V || reference == W ? 3 : reference == M ? 4 : 1;
+    return reference == V || reference == W ? (size_t)m->slot[SIZE] : reference == M ? 4 : 1;
 }
 
 static void compute(Model *m)
@@ -79,6 +80,7 @@ static void start_values(Model *m)
     m->slot[GAIN] = 0.5;
     m->slot[AT] = 0.3;
     m->slot[GEAR] = 1;
+    m->slot[SIZE] = 3;
     for (int i = 0; i < 4; i++) m->slot[M + i] = i + 1;
 }
 
@@ -157,14 +159,19 @@ static int read(Model *m, const unsigned *references, size_t n, double *values)
     }
     if (m->slot[STALE] == 0) compute(m);
     for (size_t i = 0; i < n; i++)
-        for (size_t j = 0; j < length(references[i]); j++) *values++ = m->slot[references[i] + j];
+        for (size_t j = 0; j < length(m, references[i]); j++) *values++ = m->slot[references[i] + j];
     return 0;
 }
 
 static int write(Model *m, const unsigned *references, size_t n, const double *values)
 {
-    for (size_t i = 0; i < n; i++)
-        for (size_t j = 0; j < length(references[i]); j++) m->slot[references[i] + j] = *values++;
+    for (size_t i = 0; i < n; i++) {
+        if (references[i] == SIZE && !m->configuring) {
+            say(m, 3, "a size is set outside of Configuration Mode", *values);
+            return 3;
+        }
+        for (size_t j = 0; j < length(m, references[i]); j++) m->slot[references[i] + j] = *values++;
+    }
     m->set = 1;
     return 0;
 }
@@ -295,7 +302,8 @@ EXPORT void fmi3FreeInstance(fmi3Instance c) { release(c); }
 
 EXPORT fmi3Status fmi3SetDebugLogging(fmi3Instance c, fmi3Boolean on, size_t n, const fmi3String names[])
 {
-    (void)c, (void)on, (void)n, (void)names;
+    (void)names;
+    ((Model *)c)->filtered = !on || n > 0;
     return fmi3OK;
 }
 
@@ -320,6 +328,18 @@ EXPORT fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 t, fmi3Float64 h, fmi3B
     *terminate = ended != 0;
     *early = status == 2 && *reached > t;
     return (ended || *early) ? fmi3OK : (fmi3Status)status;
+}
+
+EXPORT fmi3Status fmi3EnterConfigurationMode(fmi3Instance c)
+{
+    ((Model *)c)->configuring = 1;
+    return fmi3OK;
+}
+
+EXPORT fmi3Status fmi3ExitConfigurationMode(fmi3Instance c)
+{
+    ((Model *)c)->configuring = 0;
+    return fmi3OK;
 }
 
 EXPORT fmi3Status fmi3GetFMUState(fmi3Instance c, fmi3FMUState *state)
@@ -366,4 +386,5 @@ ACCESS3(Float32)
 ACCESS3(Int32)
 ACCESS3(Int64)
 ACCESS3(UInt8)
+ACCESS3(UInt64)
 ACCESS3(Boolean)
