@@ -6,7 +6,7 @@ line prints its text and ends with status 2; scripts catch it like any :class:`V
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from difflib import get_close_matches
 from typing import Any
 
@@ -114,3 +114,16 @@ def did_you_mean(name: object, known: Iterable[object]) -> str:
         return f"; did you mean {words[nearest[0]]!r}?"
     more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
     return f"; known: {', '.join(names[:MOST_NAMES])}{more}" if names else "; there are none"
+
+
+def check_known(name: object, known: Collection[object], text: str) -> None:
+    """Raise if a name is not among the known ones; the error is the text and the nearest known name.
+
+    Examples
+    --------
+    >>> check_known("thrst", ["thrust", "rudder"], "controller: no input 'thrst'")
+    Traceback (most recent call last):
+    hovercontrol.base.errors.InputError: controller: no input 'thrst'; did you mean 'thrust'?
+    """
+    if name not in known:
+        raise InputError(f"{text}{did_you_mean(name, known)}")

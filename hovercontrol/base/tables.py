@@ -10,7 +10,7 @@ from numbers import Real
 from pathlib import Path
 from typing import Any
 
-from hovercontrol.base.errors import InputError, did_you_mean, shown
+from hovercontrol.base.errors import InputError, check_known, shown
 from hovercontrol.base.files import readable, reason
 
 #: Bytes of the largest TOML file that is read.
@@ -61,8 +61,7 @@ def check_keys(kind: str, found: Mapping[str, Any], known: Iterable[str]) -> Non
     """Raise if a key is unknown; `kind` names the keys ("effect", "key in [plant]")."""
     names = list(known)
     for key in found:
-        if key not in names:
-            raise InputError(f"unknown {kind} {shown(key)}{did_you_mean(key, names)}")
+        check_known(key, names, f"unknown {kind} {shown(key)}")
 
 
 def table(where: str, value: Any) -> dict[str, Any]:

@@ -18,7 +18,7 @@ import sympy as sp
 
 from hovercontrol.base.annotations import fits
 from hovercontrol.base.boundary import checked, checks_itself
-from hovercontrol.base.errors import InputError, did_you_mean, shown
+from hovercontrol.base.errors import InputError, check_known, did_you_mean, shown
 from hovercontrol.blocks.block_backends import Backends
 from hovercontrol.blocks.checking import check
 from hovercontrol.blocks.expressions import Expressions
@@ -196,9 +196,7 @@ class Block(Backends):
         """
         groups = (self.states, self.inputs, self.parameters, self.outputs, self.definition_signals)
         every = {s.name: s for group in reversed(groups) for s in group}
-        if name not in every:
-            hint = did_you_mean(name, every)
-            raise InputError(self.where(f"no signal {name!r}{hint}"))
+        check_known(name, every, self.where(f"no signal {name!r}"))
         return every[name]
 
     def parameter_key(self, name: str) -> str:
@@ -235,9 +233,7 @@ class Block(Backends):
         values = dict(self.default_parameters)
         signals = dict(zip(values, self.parameters, strict=True))
         for key, value in (params or {}).items():
-            if key not in values:
-                hint = did_you_mean(key, values)
-                raise InputError(self.where(f"unknown parameter {key!r}{hint}"))
+            check_known(key, values, self.where(f"unknown parameter {key!r}"))
             try:
                 if type(value) is not float and not fits(value, float):
                     raise InputError(f"params[{key!r}]: expected a number, found {shown(value)}")
@@ -307,8 +303,7 @@ class Block(Backends):
         if chosen not in self._chosen:
             own = {s.name: s for s in self.outputs}
             for k, name in enumerate(chosen):
-                if name not in own:
-                    raise InputError(self.where(f"unknown output {name!r}{did_you_mean(name, own)}"))
+                check_known(name, own, self.where(f"unknown output {name!r}"))
                 if name in chosen[:k]:
                     raise InputError(self.where(f"the output {name!r} is listed twice"))
             self._chosen[chosen] = self.unchecked(

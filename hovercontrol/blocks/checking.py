@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import sympy as sp
 
-from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.base.errors import InputError, check_known, did_you_mean
 from hovercontrol.blocks.expressions import Expressions
 from hovercontrol.blocks.signals import Signal, time
 from hovercontrol.blocks.units import (
@@ -96,9 +96,7 @@ def _order(block: Block, kind: str, field: str, signals: Sequence[Signal]) -> No
         if name not in expressions:
             raise InputError(block.where(f"no {kind} expression for {name!r}"))
     for name in expressions:
-        if name not in names:
-            hint = did_you_mean(name, names)
-            raise InputError(block.where(f"{kind} expression for unknown signal {name!r}{hint}"))
+        check_known(name, names, block.where(f"{kind} expression for unknown signal {name!r}"))
     _set(block, field, Expressions((name, expressions[name]) for name in names))
 
 
@@ -129,10 +127,7 @@ def _check_ticks(block: Block) -> None:
     for name in held:
         if held.count(name) > 1:
             raise InputError(block.where(f"two ticks set the state {name!r}"))
-        if name not in names:
-            raise InputError(
-                block.where(f"a tick sets {name!r}, which is not a state{did_you_mean(name, names)}")
-            )
+        check_known(name, names, block.where(f"a tick sets {name!r}, which is not a state"))
         if block.derivatives[name] != 0:
             raise InputError(block.where(f"state {name!r} is set by a tick and has a derivative as well"))
     if names[len(names) - len(held) :] != [n for n in names if n in held]:
@@ -189,10 +184,7 @@ def _check_delays(block: Block) -> None:
         {symbol: s.unit for symbol, s in parameters.items()},
     )
     for name, e in block.delays.items():
-        if name not in inputs:
-            raise InputError(
-                block.where(f"a delay of {name!r}, which is not an input{did_you_mean(name, inputs)}")
-            )
+        check_known(name, inputs, block.where(f"a delay of {name!r}, which is not an input"))
         for symbol in sorted(e.free_symbols - parameters.keys(), key=str):
             hint = did_you_mean(symbol.name, [s.name for s in block.parameters])
             raise InputError(

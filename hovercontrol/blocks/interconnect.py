@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import sympy as sp
 
 from hovercontrol.base.boundary import checked
-from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.base.errors import InputError, check_known
 from hovercontrol.blocks.block import Block, Tick
 from hovercontrol.blocks.expressions import Expressions, with_symbols
 from hovercontrol.blocks.signals import Signal
@@ -51,9 +51,7 @@ def rename(block: Block, signals: Mapping[str, str]) -> Block:
     """
     ports = [s.name for s in (*block.inputs, *block.outputs)]
     for old in signals:
-        if old not in ports:
-            hint = did_you_mean(old, ports)
-            raise InputError(f"block {block.name!r}: no input or output {old!r} to rename{hint}")
+        check_known(old, ports, f"block {block.name!r}: no input or output {old!r} to rename")
     inputs = {s.name for s in block.inputs}
     swap = {
         sp.Symbol(old, real=True): sp.Symbol(new, real=True) for old, new in signals.items() if old in inputs
@@ -401,8 +399,7 @@ def _chosen(
     if wanted is None:
         return list(there.values())
     for name in wanted:
-        if name not in there:
-            raise InputError(f"interconnect: no {kind} {name!r}{did_you_mean(name, there)}")
+        check_known(name, there, f"interconnect: no {kind} {name!r}")
     missing = [name for name in there if name not in wanted]
     if strict and missing:
         raise InputError(f"interconnect: nothing drives the {kind} {missing[0]!r}")

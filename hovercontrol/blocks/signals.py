@@ -12,7 +12,7 @@ from typing import Any
 import sympy as sp
 
 from hovercontrol.base.boundary import as_user, checked
-from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.base.errors import InputError, check_known
 from hovercontrol.blocks.units import Dimension, dimension, is_plain_si, plain_si
 
 #: The independent variable, in seconds. Expressions that depend on time use this symbol.
@@ -118,8 +118,7 @@ class Signal:
         >>> Signal("mode", modes=("stop", "turn")).mode("turn")
         1
         """
-        if name not in self.modes:
-            raise InputError(f"{self.name}: unknown mode {name!r}{did_you_mean(name, self.modes)}")
+        check_known(name, self.modes, f"{self.name}: unknown mode {name!r}")
         return self.modes.index(name)
 
     @property

@@ -15,7 +15,7 @@ from importlib import resources
 from pathlib import Path
 
 from hovercontrol.base.boundary import checked
-from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.base.errors import InputError, check_known
 from hovercontrol.base.short_repr import short_repr
 from hovercontrol.documents.item import Item, Printed
 
@@ -131,8 +131,7 @@ def printed(document: str, item: str) -> dict[str, Printed]:
 
 def _numbered(document: str, item: str) -> Numbered:
     table = _table(document)
-    if item not in table:
-        raise InputError(f"{document}: no numbered item {item!r}{did_you_mean(item, table)}")
+    check_known(item, table, f"{document}: no numbered item {item!r}")
     return table[item]
 
 

@@ -15,7 +15,7 @@ from typing import Any
 import sympy as sp
 
 from hovercontrol.base.boundary import checked
-from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.base.errors import InputError, check_known, did_you_mean
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.signals import Signal, time
 from hovercontrol.craft.effects import Effect
@@ -169,8 +169,7 @@ class Around:
         """
         known = self.values
         for key in values:
-            if key not in known:
-                raise InputError(f"no number {key!r} around the FMU{did_you_mean(key, known)}")
+            check_known(key, known, f"no number {key!r} around the FMU")
         merged = known | dict(values)
 
         def again(owner: str, effects: Sequence[Effect]) -> tuple[Effect, ...]:

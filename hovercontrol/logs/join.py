@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hovercontrol.base.boundary import checked
-from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.base.errors import InputError, check_known
 from hovercontrol.logs.clock import measured as measured_names
 from hovercontrol.logs.clock import steady
 from hovercontrol.logs.log import Floats, Log, Mask
@@ -183,11 +183,9 @@ def _idle_values(commands: Log, before: Mapping[str, float] | float | None) -> M
     if not isinstance(before, Mapping):
         return dict.fromkeys(commands.columns, float(before))
     for name in before:
-        if name not in commands.columns:
-            raise InputError(
-                f"{commands.name}: idle value for {name!r}, which is not a command"
-                f"{did_you_mean(name, commands.columns)}"
-            )
+        check_known(
+            name, commands.columns, f"{commands.name}: idle value for {name!r}, which is not a command"
+        )
     for name in commands.columns:
         if name not in before:
             raise InputError(f"{commands.name}: no idle value for command {name!r}")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from hovercontrol.base.errors import InputError, did_you_mean, shown
+from hovercontrol.base.errors import check_known, shown
 from hovercontrol.base.tables import finite
 from hovercontrol.blocks.signals import Signal
 
@@ -45,6 +45,5 @@ def checked_numbers(
     """
     signals = {s.name: s for s in known}
     for name in given:
-        if name not in signals:
-            raise InputError(f"{what}: unknown value {shown(name)}{did_you_mean(str(name), signals)}")
+        check_known(name, signals, f"{what}: unknown value {shown(name)}")
     return {**before, **{name: checked_number(signals[name], value) for name, value in given.items()}}

@@ -13,7 +13,7 @@ from hovercontrol.app.cockpit.orders import Flown
 from hovercontrol.app.cockpit.pacer import Pacer
 from hovercontrol.app.cockpit.real_loop import RealLoop
 from hovercontrol.app.cockpit.watch import Watch, watch_block
-from hovercontrol.base.errors import InputError, did_you_mean, shown
+from hovercontrol.base.errors import check_known, shown
 from hovercontrol.craft.models.model import Model
 
 T = TypeVar("T")
@@ -36,8 +36,7 @@ def loop_of(kind: str, model: Model) -> Flown:
     Traceback (most recent call last):
     hovercontrol.base.errors.InputError: unknown loop 'reel'; did you mean 'real'?
     """
-    if kind not in LOOPS:
-        raise InputError(f"unknown loop {shown(kind)}{did_you_mean(kind, LOOPS)}")
+    check_known(kind, LOOPS, f"unknown loop {shown(kind)}")
     return LOOPS[kind](model)
 
 

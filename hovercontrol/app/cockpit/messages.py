@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from hovercontrol.base.errors import InputError, did_you_mean, shown
+from hovercontrol.base.errors import InputError, check_known, shown
 
 #: What a message may hold.
 _ORDERS = {
@@ -22,8 +22,7 @@ def check_message(message: dict[str, Any]) -> None:
         If it has unknown keys or values of a wrong type.
     """
     for key, value in message.items():
-        if key not in _ORDERS:
-            raise InputError(f"unknown order {shown(key)}{did_you_mean(key, _ORDERS)}")
+        check_known(key, _ORDERS, f"unknown order {shown(key)}")
         if key == "stick" and not (isinstance(value, list) and len(value) == 2):
             raise InputError(f"stick: expected two numbers, found {shown(value)}")
         if not isinstance(value, _ORDERS[key]):
@@ -34,8 +33,7 @@ def check_message(message: dict[str, Any]) -> None:
 def _check_command(order: dict[str, Any]) -> None:
     known = ("law", "references", "disturbances", "switches")
     for key in order:
-        if key not in known:
-            raise InputError(f"command: unknown {shown(key)}{did_you_mean(key, known)}")
+        check_known(key, known, f"command: unknown {shown(key)}")
     for key in known[1:]:
         if not isinstance(order.get(key, {}), dict):
             raise InputError(f"{key}: expected an object, found {shown(order[key])}")

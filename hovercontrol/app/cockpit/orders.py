@@ -10,7 +10,7 @@ from typing import Any
 from hovercontrol.app.cockpit.checks import checked_number, checked_numbers
 from hovercontrol.app.cockpit.disturbances import Disturbance
 from hovercontrol.app.cockpit.laws import STICK, Choice
-from hovercontrol.base.errors import InputError, did_you_mean, shown
+from hovercontrol.base.errors import InputError, check_known, did_you_mean, shown
 from hovercontrol.blocks.signals import Signal
 from hovercontrol.craft.models.model import Model
 
@@ -123,8 +123,7 @@ class Flown(ABC):
             If a name is unknown, or a value is not a number within its bounds.
         """
         key = self.law if law is None else str(law)
-        if key not in self.choices:
-            raise InputError(f"unknown law {shown(key)}{did_you_mean(key, self.choices)}")
+        check_known(key, self.choices, f"unknown law {shown(key)}")
         known, before = self.choices[key].references, self.references[key]
         told = checked_numbers(f"law {key}", known, before, references or {})
         push = self.stick
@@ -148,8 +147,7 @@ class Flown(ABC):
     ) -> dict[str, dict[str, float]]:
         acting = dict(self.switched_on)
         for name, values in given.items():
-            if name not in self.disturbances:
-                raise InputError(f"unknown disturbance {shown(name)}{did_you_mean(name, self.disturbances)}")
+            check_known(name, self.disturbances, f"unknown disturbance {shown(name)}")
             knobs = [knob.signal for knob in self.disturbances[name].knobs]
             held = acting.pop(name, {s.name: s.start for s in knobs})
             if values is not None:

@@ -24,7 +24,7 @@ from hovercontrol.app.cockpit.messages import check_message
 from hovercontrol.app.cockpit.pacer import Pacer
 from hovercontrol.app.cockpit.recorder import NOTHING, Recorder
 from hovercontrol.app.cockpit.shelf import Shelf
-from hovercontrol.base.errors import InputError, did_you_mean, one_line, shown
+from hovercontrol.base.errors import InputError, check_known, one_line, shown
 
 #: Time after which a recording that could not be written is tried again [s].
 TRY_AGAIN = 10.0
@@ -191,8 +191,7 @@ class Console:
 
     def _switch(self, talk: web.WebSocketResponse, kind: str) -> None:
         """Switch to another loop as soon as it is built, and update all pages."""
-        if kind not in LOOPS:
-            raise InputError(f"unknown loop {shown(kind)}{did_you_mean(kind, LOOPS)}")
+        check_known(kind, LOOPS, f"unknown loop {shown(kind)}")
         if self.loops.building:
             raise InputError("another loop is being built: wait for it")
         if kind != self.pacer.loop.kind:

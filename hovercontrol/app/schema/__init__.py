@@ -16,7 +16,7 @@ from hovercontrol.app.schema.result import result_schema
 from hovercontrol.app.schema.runs import simulation_schema, sweep_schema
 from hovercontrol.app.schema.scenario import scenario_schema
 from hovercontrol.base.boundary import checked
-from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.base.errors import check_known
 
 __all__ = [
     "KINDS", "schema", "model_schema", "scenario_schema", "result_schema", "fmu_schema", "monitor_schema",
@@ -54,6 +54,5 @@ def schema(kind: str) -> dict[str, Any]:
     >>> schema("model")["properties"]["effects"]["properties"]["yaw_coulomb"]["anyOf"][0]
     {'type': 'number', 'minimum': 0.0}
     """
-    if kind not in KINDS:
-        raise InputError(f"schema: unknown kind {kind!r}{did_you_mean(kind, KINDS)}")
+    check_known(kind, KINDS, f"schema: unknown kind {kind!r}")
     return KINDS[kind]()

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.base.caller import caller_level
-from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.base.errors import InputError, check_known
 from hovercontrol.blocks.backends import friction_slopes
 from hovercontrol.blocks.backends.library import Point
 from hovercontrol.blocks.backends.linear import point_values, sampled_names, state_space
@@ -128,9 +128,7 @@ class BlockSystem(control.NonlinearIOSystem):
 
     def _by_block(self, params: Mapping[str, float]) -> dict[str, float]:
         for key in params:
-            if key not in self._keys:
-                hint = did_you_mean(key, self._keys)
-                raise InputError(f"system {self.name!r}: unknown parameter {key!r}{hint}")
+            check_known(key, self._keys, f"system {self.name!r}: unknown parameter {key!r}")
         return {self._keys[key]: value for key, value in params.items()}
 
     def _outputs_are_states(self) -> bool:

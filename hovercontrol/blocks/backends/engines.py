@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.base.annotations import fits
-from hovercontrol.base.errors import InputError, did_you_mean, shown
+from hovercontrol.base.errors import InputError, check_known, shown
 from hovercontrol.blocks.backends.compiler import NoCompilerError
 from hovercontrol.blocks.backends.library import METHODS, Array, Library, Point, Solver, Step, check_point
 from hovercontrol.blocks.block import Block, Rows
@@ -154,8 +154,7 @@ def checked_solver(method: str, step: float | None, rtol: float, atol: float) ->
     InputError
         If the method is unknown, rk4 has no step, or a number is not positive.
     """
-    if method not in METHODS:
-        raise InputError(f"unknown method {method!r}{did_you_mean(str(method), METHODS)}")
+    check_known(method, METHODS, f"unknown method {method!r}")
     if step is None and method == "rk4":
         raise InputError("method 'rk4' needs a step, in seconds")
     for name, value in (("step", step), ("rtol", rtol), ("atol", atol)):

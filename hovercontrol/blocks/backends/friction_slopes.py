@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from hovercontrol.base.caller import caller_level
-from hovercontrol.base.errors import InputError, SmoothedFrictionWarning, did_you_mean, shown
+from hovercontrol.base.errors import InputError, SmoothedFrictionWarning, check_known, shown
 from hovercontrol.base.tables import positive
 from hovercontrol.blocks.block import Block, Columns, Rows
 from hovercontrol.blocks.functions import Function, array_function
@@ -227,8 +227,7 @@ def _amplitudes(
         text = f"friction='describing' needs an amplitude of the oscillation: amplitude={{{names[0]!r}: ...}}"
         raise InputError(block.where(text))
     for name, value in (amplitude or {}).items():
-        if name not in names:
-            raise InputError(block.where(f"no dry friction in {shown(name)}{did_you_mean(name, names)}"))
+        check_known(name, names, block.where(f"no dry friction in {shown(name)}"))
         positive(block.where(f"amplitude of {name}"), value)
     return amplitude or {}
 

@@ -23,7 +23,7 @@ import sympy as sp
 from numpy.typing import NDArray
 
 from hovercontrol.base.boundary import checked
-from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.base.errors import InputError, check_known
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.signals import Signal
 from hovercontrol.blocks.units import Dimension, dimension, unit_text
@@ -141,8 +141,7 @@ def _block(
     x = [f"x_{one}" if one in u or shown.get(one, one) != one else one for one in labels]
     known = [*x, *u, *y]
     for key in units:
-        if key not in known:
-            raise InputError(f"from_control: units: no signal {key!r}{did_you_mean(key, known)}")
+        check_known(key, known, f"from_control: units: no signal {key!r}")
     of_inputs, of_outputs = ([dimension(units.get(one, "1")) for one in group] for group in (u, y))
     given = {k: dimension(units[one]) for k, one in enumerate(x) if one in units}
     given |= {x.index(one): size for one, size in zip(y, of_outputs, strict=True) if one in x}

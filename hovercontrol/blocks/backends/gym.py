@@ -14,7 +14,7 @@ import sympy as sp
 from sympy.logic.boolalg import Boolean
 
 from hovercontrol.base.boundary import checked
-from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.base.errors import InputError, check_known, did_you_mean
 from hovercontrol.blocks.backends.gym_task import ENDED, REWARD, Bounds, Judge, Task, joined
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.expressions import Expressions
@@ -152,8 +152,7 @@ def _chosen(
 ) -> tuple[Signal, ...]:
     known = {s.name: s for s in signals}
     for name in names or ():
-        if name not in known:
-            raise InputError(block.where(f"gym: unknown {kind} {name!r}{did_you_mean(name, known)}"))
+        check_known(name, known, block.where(f"gym: unknown {kind} {name!r}"))
     found = tuple(known[name] for name in (known if names is None else names))
     if not found or len(set(found)) < len(found):
         raise InputError(
@@ -199,9 +198,7 @@ def _draws(block: Block, start: Bounds) -> tuple[tuple[str, bool, float, float],
 def _limits(block: Block, signals: Sequence[Signal], bounds: Bounds) -> dict[str, tuple[float, float]]:
     known = [s.name for s in signals]
     for name, (low, high) in bounds.items():
-        if name not in known:
-            hint = did_you_mean(name, known)
-            raise InputError(block.where(f"bounds: unknown action or observation {name!r}{hint}"))
+        check_known(name, known, block.where(f"bounds: unknown action or observation {name!r}"))
         _interval(block, "bounds", name, low, high)
     return dict(bounds)
 

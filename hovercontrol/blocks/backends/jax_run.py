@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.base.errors import InputError, check_known
 from hovercontrol.blocks.backends.engines import checked_solver
 from hovercontrol.blocks.backends.jax_needs import Run, need_jax
 from hovercontrol.blocks.backends.library import Solver
@@ -287,8 +287,7 @@ def run_function(
         x0 = by_state(block, x0 or {})
         for given, known, kind in ((params, block.default_parameters, "parameter"), (x0, starts, "state")):
             for name in given or {}:
-                if name not in known:
-                    raise InputError(block.where(f"unknown {kind} {name!r}{did_you_mean(name, known)}"))
+                check_known(name, known, block.where(f"unknown {kind} {name!r}"))
         for name in fixed & set(params or {}):
             raise InputError(block.where(f"{name!r} sets times at which the run restarts and is fixed in it"))
         p = _columns(block.default_parameters, params)

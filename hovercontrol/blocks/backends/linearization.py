@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.base.errors import InputError, check_known
 from hovercontrol.blocks.backends.friction_slopes import Point, Slope, linear_matrices, warn_of_smoothing
 from hovercontrol.blocks.backends.hybrid_linear import common_period, hybrid_matrices, without_ticks
 from hovercontrol.blocks.backends.linear import point_values, state_space
@@ -135,6 +135,5 @@ def _by_name(block: Block, kind: str, values: Mapping[str, float]) -> list[float
     signals = getattr(block, f"{kind}s")
     names = [s.name for s in signals]
     for name in values:
-        if name not in names:
-            raise InputError(block.where(f"no {kind} {name!r}{did_you_mean(name, names)}"))
+        check_known(name, names, block.where(f"no {kind} {name!r}"))
     return np.array([values.get(s.name, s.start) for s in signals], dtype=float).tolist()

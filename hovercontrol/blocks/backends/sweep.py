@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.base.boundary import checked
-from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.base.errors import InputError, check_known, did_you_mean
 from hovercontrol.base.files import write_atomically
 from hovercontrol.base.pyplot import open_in_pyplot
 from hovercontrol.base.short_repr import cut, listed, short, short_repr
@@ -139,8 +139,7 @@ class SweepResult:
         return len(self.status)
 
     def __getitem__(self, output: str) -> Figures:
-        if output not in self.outputs:
-            raise InputError(f"unknown output {output!r}{did_you_mean(output, self.outputs)}")
+        check_known(output, self.outputs, f"unknown output {output!r}")
         column = self.outputs.index(output)
         return Figures(*(getattr(self, name)[:, column] for name in FIGURES))
 
@@ -183,8 +182,7 @@ class SweepResult:
         """
         from hovercontrol.blocks.backends.sweep_display import sweep_figure
 
-        if figure not in FIGURES:
-            raise InputError(f"unknown figure {figure!r}{did_you_mean(figure, FIGURES)}")
+        check_known(figure, FIGURES, f"unknown figure {figure!r}")
         return open_in_pyplot(sweep_figure(self, of, figure))
 
     def to_table(self, runs: slice = slice(None)) -> pyarrow.Table:
@@ -249,8 +247,7 @@ def values_of_runs(
     every = np.tile([s.start for s in signals.values()], (runs, 1))
     columns = dict(zip(signals, every.T, strict=True))
     for name, values in (given or {}).items():
-        if name not in signals:
-            raise InputError(f"block {block.name!r}: unknown {kind} {name!r}{did_you_mean(name, signals)}")
+        check_known(name, signals, f"block {block.name!r}: unknown {kind} {name!r}")
         try:
             columns[name][:] = values
         except (TypeError, ValueError):

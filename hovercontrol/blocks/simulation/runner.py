@@ -17,7 +17,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.base.errors import InputError, check_known
 from hovercontrol.base.short_repr import short_repr
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.delays import UnderWay, delay_values, undelayed
@@ -245,8 +245,7 @@ class Runner(ABC):
         if isinstance(inputs, Mapping):
             values = np.frombuffer(self._sent).copy()
             for name, value in inputs.items():
-                if name not in names:
-                    raise InputError(f"{self._label}: unknown input {name!r}{did_you_mean(name, names)}")
+                check_known(name, names, f"{self._label}: unknown input {name!r}")
                 values[names.index(name)] = _number(self._label, name, value)
             return values.tobytes()
         try:
@@ -398,9 +397,7 @@ class BlockRunner(Runner):
         places: dict[int, float] = {}
         if isinstance(state, Mapping):
             for name, value in by_state(block, state).items():
-                if name not in self.state_labels:
-                    hint = did_you_mean(name, self.state_labels)
-                    raise InputError(f"{self._label}: unknown state {name!r}{hint}")
+                check_known(name, self.state_labels, f"{self._label}: unknown state {name!r}")
                 places[self.state_labels.index(name)] = _number(self._label, name, value)
         elif state is not None:
             places = dict(enumerate(initial_state(block, state).tolist()))

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.base.boundary import checked
-from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.base.errors import InputError, check_known
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.expressions import Expressions
 from hovercontrol.blocks.functions import FunctionPair, call_scalar, numpy_functions
@@ -203,5 +203,4 @@ def one_tick(block: Block, outputs: Sequence[str]) -> FunctionPair:
 
 def _check_names(block: Block | SampledFilter, kind: str, found: Iterable[str], known: Sequence[str]) -> None:
     for name in found:
-        if name not in known:
-            raise InputError(f"block {block.name!r}: no {kind} {name!r}{did_you_mean(name, known)}")
+        check_known(name, known, f"block {block.name!r}: no {kind} {name!r}")

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 
 from hovercontrol.base.boundary import checked
-from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.base.errors import InputError, check_known
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.delays import arrivals, undelayed
 from hovercontrol.blocks.functions import call_scalar, numpy_functions
@@ -105,8 +105,7 @@ def simulate(
     u = input_rows(block, inputs, times)
     x = initial_state(block, x0)
     p = block.parameter_values(params)
-    if method not in METHODS:
-        raise InputError(f"unknown method {method!r}{did_you_mean(str(method), METHODS)}")
+    check_known(method, METHODS, f"unknown method {method!r}")
     for name, limit in (("rtol", rtol), ("atol", atol), ("max_step", max_step)):
         if not limit > 0:
             raise InputError(f"{name} must be positive, found {limit:g}")

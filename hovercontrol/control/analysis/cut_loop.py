@@ -9,7 +9,7 @@ import control
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.base.errors import InputError, check_known, did_you_mean
 from hovercontrol.blocks.backends.friction_slopes import Point as At
 from hovercontrol.blocks.backends.friction_slopes import Slope
 from hovercontrol.blocks.backends.linear import state_space
@@ -37,8 +37,7 @@ def cut_blocks(blocks: Sequence[Block], cut: Sequence[str], name: str) -> Block:
     """Return Blocks joined with wires cut: inputs `cut`, then open ones; outputs ``WIRE_returned``."""
     driven = {s.name for block in blocks for s in block.outputs}
     for signal in cut:
-        if signal not in driven:
-            raise InputError(f"{name}: no block drives {signal!r}{did_you_mean(signal, driven)}")
+        check_known(signal, driven, f"{name}: no block drives {signal!r}")
     parts = []
     for block in blocks:
         own = {s.name: suffixed(s.name, RETURNED) for s in block.outputs if s.name in cut}
@@ -177,7 +176,6 @@ class CutLoop:
 def _rows(signals: Sequence[Signal], kind: str, labels: Sequence[str] | None, values: Any) -> np.ndarray:
     names = list(labels or [])
     for signal in signals:
-        if signal.name not in names:
-            raise InputError(f"motion: no {kind} {signal.name!r}{did_you_mean(signal.name, names)}")
+        check_known(signal.name, names, f"motion: no {kind} {signal.name!r}")
     rows = np.asarray(values, dtype=float)
     return rows[[names.index(s.name) for s in signals]] if signals else np.zeros((0, rows.shape[-1]))

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import minimize_scalar
 
 from hovercontrol.base.boundary import checked
-from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.base.errors import InputError, check_known
 from hovercontrol.base.pyplot import open_in_pyplot
 from hovercontrol.base.short_repr import short_repr
 from hovercontrol.base.text_table import aligned
@@ -243,8 +243,7 @@ class FrozenMargins:
 
     def __getitem__(self, name: str) -> Array:
         """Return one margin over time, shape (n,)."""
-        if name not in MARGINS:
-            raise InputError(f"no margin {name!r}{did_you_mean(name, MARGINS)}")
+        check_known(name, MARGINS, f"no margin {name!r}")
         return np.array([getattr(m, name) for m in self.each], dtype=float)
 
     def plot(self) -> Figure:

@@ -22,7 +22,7 @@ from scipy.optimize import brentq
 
 from hovercontrol.base.arguments import as_row, at_least
 from hovercontrol.base.boundary import checked
-from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.base.errors import InputError, check_known
 from hovercontrol.base.short_repr import short_repr
 from hovercontrol.base.tables import number
 from hovercontrol.blocks.block import Block
@@ -258,8 +258,7 @@ def packet_loop_along(
 
 def _step(line: control.StateSpace, period: float, lost: str) -> tuple[Array, Array]:
     """Return the step of states and held commands if the packet arrives, and if it is lost."""
-    if lost not in ("hold", "zero"):
-        raise InputError(f"lost: unknown {lost!r}{did_you_mean(str(lost), ('hold', 'zero'))}")
+    check_known(lost, ("hold", "zero"), f"lost: unknown {lost!r}")
     if np.any(line.D):
         raise InputError("packet loop: a command depends on a command at the same instant")
     A, B = over_period("packet loop: period", line.A, line.B, float(line.dt or 0.0), period)

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.base.boundary import as_user, checked
-from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.base.errors import InputError, check_known
 from hovercontrol.base.figure_style import figure_style
 from hovercontrol.base.files import write_atomically
 from hovercontrol.base.pyplot import open_in_pyplot, shown_once
@@ -168,8 +168,7 @@ class Region:
                 raise InputError(f"{name}: expected a map of shape {shape}, found {np.shape(values)}")
 
     def __getitem__(self, name: str) -> NDArray[Any]:
-        if name not in self.maps:
-            raise InputError(f"no map {name!r}{did_you_mean(name, self.maps)}")
+        check_known(name, self.maps, f"no map {name!r}")
         return self.maps[name]
 
     def label(self, name: str) -> str:

@@ -19,7 +19,7 @@ from typing import Literal
 import sympy as sp
 
 from hovercontrol.base.boundary import checked
-from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.base.errors import InputError, check_known
 from hovercontrol.blocks.backends.trim_conditions import rate_name, with_rates
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.linear_systems import growth
@@ -241,8 +241,7 @@ def _exact(block: Block, states: Sequence[str] | None) -> tuple[list[sp.Symbol],
     known = [s.name for s in block.states]
     names = known if states is None else list(states)
     for name in names:
-        if name not in known:
-            raise InputError(f"block {block.name!r}: no state {name!r}{did_you_mean(name, known)}")
+        check_known(name, known, f"block {block.name!r}: no state {name!r}")
     if not block.inputs or not names:
         raise InputError(f"block {block.name!r}: a check of feedback needs states and inputs")
     x, u = [block.signal(n).symbol for n in names], [s.symbol for s in block.inputs]
@@ -274,10 +273,7 @@ def _equilibrium(
 ) -> dict[sp.Symbol, sp.Expr]:
     names = [s.name for s in (*x, *u)]
     for name in at:
-        if name not in names:
-            raise InputError(
-                f"block {block.name!r}: no state or input {name!r} in the check{did_you_mean(name, names)}"
-            )
+        check_known(name, names, f"block {block.name!r}: no state or input {name!r} in the check")
     return {s: sp.nsimplify(at.get(s.name, 0.0), rational=True) for s in (*x, *u)}
 
 

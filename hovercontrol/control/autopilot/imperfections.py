@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, fields
 
 from hovercontrol.base.boundary import checked
-from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.base.errors import check_known
 from hovercontrol.blocks.block import Block
 
 #: For each imperfection the parameters of the loop that are zero without it. Parameters that a loop lacks are
@@ -145,5 +145,4 @@ class Imperfections:
 
 def _check(names: Iterable[str]) -> None:
     for name in names:
-        if name not in SWITCHES:
-            raise InputError(f"unknown imperfection {name!r}{did_you_mean(name, SWITCHES)}")
+        check_known(name, SWITCHES, f"unknown imperfection {name!r}")

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 from hovercontrol.base.boundary import checked
-from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.base.errors import InputError, check_known
 from hovercontrol.base.tables import positive
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.interconnect import interconnect
@@ -179,10 +179,7 @@ def autopilot_parts(
     ['plant', 'gyro_dynamics', 'navigation']
     """
     positive("autopilot: period", period)
-    if navigation not in NAVIGATION:
-        raise InputError(
-            f"autopilot: unknown navigation {navigation!r}{did_you_mean(navigation, NAVIGATION)}"
-        )
+    check_known(navigation, NAVIGATION, f"autopilot: unknown navigation {navigation!r}")
     if beacons is not None:
         check_beacons("autopilot", beacons, navigation)
     if propeller is None:

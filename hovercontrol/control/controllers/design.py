@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.base.errors import InputError, check_known, did_you_mean
 from hovercontrol.blocks.backends.friction_slopes import Point, Slope
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.linear_systems import over_period
@@ -225,10 +225,7 @@ def _columns(where: str, plant: Block, inputs: Iterable[str] | None) -> list[int
     names = [s.name for s in plant.inputs]
     wanted = names if inputs is None else list(inputs)
     for name in wanted:
-        if name not in names:
-            raise InputError(
-                f"{where}: block {plant.name!r} has no input {name!r}{did_you_mean(name, names)}"
-            )
+        check_known(name, names, f"{where}: block {plant.name!r} has no input {name!r}")
     if not wanted:
         raise InputError(f"{where}: expected one or more inputs to command, found none")
     return [k for k, name in enumerate(names) if name in wanted]

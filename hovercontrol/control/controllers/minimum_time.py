@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.base.arguments import at_least
 from hovercontrol.base.boundary import checked
-from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.base.errors import InputError, check_known
 from hovercontrol.base.tables import finite, positive
 from hovercontrol.blocks.simulation.reasons import StoppedError
 from hovercontrol.control.controllers.detour import way_around
@@ -290,8 +290,7 @@ def _ends(
     states, inputs = [s.name for s in stage.plant.states], [s.name for s in stage.plant.inputs]
     for what, given, known in (("start", start, [*states, *inputs]), ("end", end, states)):
         for key, value in given.items():
-            if key not in known:
-                raise InputError(f"{name}: {what}: no signal {key!r}{did_you_mean(key, known)}")
+            check_known(key, known, f"{name}: {what}: no signal {key!r}")
             finite(f"{name}: {what}: {key}", value)
     if not end:
         raise InputError(f"{name}: end: expected the final value of at least one state")

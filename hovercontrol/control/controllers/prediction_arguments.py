@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.base.arguments import at_least, whole_periods
-from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.base.errors import InputError, check_known, did_you_mean
 from hovercontrol.base.tables import finite
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.functions import numpy_functions
@@ -54,8 +54,7 @@ def stage_of(
     lower = {s.name: s.lower for s in plant.inputs} | dict.fromkeys(states, -math.inf)
     upper = {s.name: s.upper for s in plant.inputs} | dict.fromkeys(states, math.inf)
     for key, (low, high) in (limits or {}).items():
-        if key not in lower:
-            raise InputError(f"{name}: limits: no state or input {key!r}{did_you_mean(key, lower)}")
+        check_known(key, lower, f"{name}: limits: no state or input {key!r}")
         if not low < high:
             raise InputError(f"{name}: limits: {key}: expected (lower, upper), found ({low!r}, {high!r})")
         lower[key], upper[key] = float(low), float(high)
@@ -173,6 +172,5 @@ def _circles(
     if not (len(circles) or needed):
         return (), circles
     for key in position:
-        if key not in states:
-            raise InputError(f"{name}: position: no state {key!r}{did_you_mean(key, states)}")
+        check_known(key, states, f"{name}: position: no state {key!r}")
     return tuple(states.index(key) for key in position), circles

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from hovercontrol.base.arguments import as_row, at_least
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.caller import caller_level
-from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.base.errors import InputError, check_known
 from hovercontrol.base.tables import positive
 from hovercontrol.blocks.block import Block
 from hovercontrol.control.controllers.approach import (
@@ -158,10 +158,7 @@ class MPC:
         known, N = self.tracked, self.problem.horizon
         found = {}
         for key, values in (given or {}).items():
-            if key not in known:
-                raise InputError(
-                    f"{self.name}: reference: no weight on a state {key!r}{did_you_mean(key, known)}"
-                )
+            check_known(key, known, f"{self.name}: reference: no weight on a state {key!r}")
             row = np.atleast_1d(np.asarray(values, dtype=float))
             if row.shape not in ((1,), (N + 1,)) or not np.isfinite(row).all():
                 raise InputError(f"{self.name}: reference: {key}: expected 1 or {N + 1} finite numbers")

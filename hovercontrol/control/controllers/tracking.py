@@ -14,7 +14,7 @@ from types import SimpleNamespace
 import sympy as sp
 
 from hovercontrol.base.boundary import checked
-from hovercontrol.base.errors import InputError, did_you_mean, shown
+from hovercontrol.base.errors import InputError, check_known, shown
 from hovercontrol.base.tables import number, positive
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.signals import Signal
@@ -210,9 +210,7 @@ def _adaptation(
     )
     estimates, blended = [], {}
     for coefficient in adapt:
-        if coefficient not in signals:
-            hint = did_you_mean(coefficient, signals)
-            raise InputError(f"controller: cannot adapt unknown coefficient {coefficient!r}{hint}")
+        check_known(coefficient, signals, f"controller: cannot adapt unknown coefficient {coefficient!r}")
         own = signals[coefficient]
         if own.symbol in B.gain.free_symbols:
             raise InputError(

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.base.errors import InputError, check_known
 from hovercontrol.base.tables import finite, positive
 
 Array = NDArray[np.float64]
@@ -76,8 +76,7 @@ def weight_matrix(where: str, given: Weights, names: Sequence[str], *, definite:
     n = len(names)
     if isinstance(given, Mapping):
         for key in given:
-            if key not in names:
-                raise InputError(f"{where}: no weight {key!r} is needed{did_you_mean(key, names)}")
+            check_known(key, names, f"{where}: no weight {key!r} is needed")
         matrix = np.diag([finite(f"{where}[{key!r}]", given.get(key, 0.0)) for key in names])
     else:
         matrix = np.asarray(given, dtype=float)

@@ -17,7 +17,7 @@ from collections.abc import Mapping, Sequence
 import sympy as sp
 
 from hovercontrol.base.boundary import checked
-from hovercontrol.base.errors import InputError, did_you_mean, shown
+from hovercontrol.base.errors import InputError, check_known, shown
 from hovercontrol.base.tables import positive
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.delay_line import fixed
@@ -212,9 +212,6 @@ def _different(on: Sequence[str], name: str) -> list[str]:
 
 def _signal(block: Block, state: str, name: str) -> Signal:
     states = {s.name: s for s in block.states}
-    if state not in states:
-        raise InputError(
-            f"{name}: block {block.name!r} has no state {shown(state)}{did_you_mean(state, states)}"
-        )
+    check_known(state, states, f"{name}: block {block.name!r} has no state {shown(state)}")
     text = f"disturbance of {block.update_text(state)}"
     return Signal(disturbance_name(state), unit_over(block, state, "s"), text)

@@ -20,7 +20,7 @@ from scipy.optimize import LinearConstraint, NonlinearConstraint
 
 from hovercontrol.base.arguments import at_least
 from hovercontrol.base.boundary import checked
-from hovercontrol.base.errors import InputError, did_you_mean, shown
+from hovercontrol.base.errors import InputError, check_known, shown
 from hovercontrol.base.tables import positive
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.functions import numpy_functions
@@ -272,10 +272,7 @@ def moving_horizon(
     noisy = [block.states[i].name for i in model.process]
     bounds = np.full(len(noisy), np.inf)
     for key, value in (noise_bounds or {}).items():
-        if key not in noisy:
-            raise InputError(
-                f"{name}: noise_bounds: no process noise of {shown(key)}{did_you_mean(key, noisy)}"
-            )
+        check_known(key, noisy, f"{name}: noise_bounds: no process noise of {shown(key)}")
         bounds[noisy.index(key)] = positive(f"{name}: noise_bounds: {key}", value)
     warn_if_undetectable(block, [s.name for s in model.measured], name)
     n = steps_between(block, step, name, substeps)

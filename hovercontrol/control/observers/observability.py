@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.caller import caller_level
-from hovercontrol.base.errors import InputError, did_you_mean, shown
+from hovercontrol.base.errors import InputError, check_known, shown
 from hovercontrol.base.tables import positive
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.linear_systems import growth
@@ -241,11 +241,9 @@ def operating_point(block: Block, at: Any) -> tuple[Array, Array]:
     n = len(block.states)
     if isinstance(at, Mapping):
         for key in at:
-            if key not in start:
-                raise InputError(
-                    f"observability: at: block {block.name!r} has no state or input {shown(key)}"
-                    f"{did_you_mean(key, start)}"
-                )
+            check_known(
+                key, start, f"observability: at: block {block.name!r} has no state or input {shown(key)}"
+            )
         start |= dict(at)
         at = None
     values = list(start.values())

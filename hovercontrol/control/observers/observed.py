@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import sympy as sp
 
-from hovercontrol.base.errors import InputError, did_you_mean, shown
+from hovercontrol.base.errors import InputError, check_known, shown
 from hovercontrol.base.tables import finite, positive
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.expressions import Expressions
@@ -195,9 +195,7 @@ def _lost(channels: Sequence[Signal], lost: bool | Sequence[str], name: str) -> 
         return (fresh if lost else None,) * len(channels)
     known = [s.name for s in channels]
     for key in lost:
-        if key not in known:
-            hint = did_you_mean(key, known)
-            raise InputError(f"{name}: lost_samples: expected measured outputs, found {shown(key)}{hint}")
+        check_known(key, known, f"{name}: lost_samples: expected measured outputs, found {shown(key)}")
     return tuple(
         Signal(f"fresh_{key}", "1", f"1 with a sample of {key}, 0 without", start=1.0, lower=0.0, upper=1.0)
         if key in lost
@@ -251,11 +249,7 @@ def measured_signals(
         raise InputError(f"{name}: {argument}: expected different names of outputs, found {shown(measured)}")
     known = {s.name: s for s in (*plant.states, *plant.outputs)}
     for one in measured:
-        if one not in known:
-            raise InputError(
-                f"{name}: {argument}: block {plant.name!r} has no output {shown(one)}"
-                f"{did_you_mean(one, known)}"
-            )
+        check_known(one, known, f"{name}: {argument}: block {plant.name!r} has no output {shown(one)}")
     return tuple(
         Signal(one, known[one].unit, f"measured {one}", nominal=known[one].nominal) for one in measured
     )
@@ -273,8 +267,7 @@ def measured_expressions(plant: Block, measured: Sequence[Signal]) -> Block:
 def _numbers(where: str, given: Mapping[str, float], known: Sequence[str]) -> dict[str, float]:
     """Return the numbers by name; raise InputError for an unknown name or a negative number."""
     for key, value in given.items():
-        if key not in known:
-            raise InputError(f"{where}: unknown name {shown(key)}{did_you_mean(key, known)}")
+        check_known(key, known, f"{where}: unknown name {shown(key)}")
         if finite(f"{where}: {key}", value) < 0:
             raise InputError(f"{where}: {key} must not be negative, found {value:g}")
     return {key: float(value) for key, value in given.items()}

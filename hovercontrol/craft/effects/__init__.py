@@ -7,7 +7,7 @@ import pkgutil
 from typing import Any
 
 from hovercontrol.base.boundary import checked
-from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.base.errors import check_known
 from hovercontrol.craft.effects.base import Effect
 from hovercontrol.craft.effects.coefficient import Coefficient, Shape
 
@@ -43,8 +43,7 @@ def effect_class(name: str) -> type[Effect]:
     >>> effect_class("yaw_coulomb").source
     'C17 (10), c5 = d_r0/J'
     """
-    if name not in Effect.known:
-        raise InputError(f"unknown effect {name!r}{did_you_mean(name, Effect.known)}")
+    check_known(name, Effect.known, f"unknown effect {name!r}")
     return Effect.known[name]
 
 

@@ -17,7 +17,7 @@ import sympy as sp
 
 from hovercontrol.base import tables
 from hovercontrol.base.boundary import checked
-from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.base.errors import InputError, check_known, did_you_mean
 from hovercontrol.blocks.signals import Signal
 from hovercontrol.craft.effects.coefficient import Coefficient, Shape
 from hovercontrol.craft.effects.own import explain
@@ -104,9 +104,7 @@ class Effect:
             first = "value" if "value" in self.numbers else next(iter(self.numbers), "value")
             values = {first: value, **values}
         for key in values:
-            if key not in self.numbers:
-                hint = did_you_mean(key, self.numbers)
-                raise InputError(f"effect {self.name}: unknown number {key!r}{hint}")
+            check_known(key, self.numbers, f"effect {self.name}: unknown number {key!r}")
         self.values: dict[str, float] = {}
         for key, number in self.numbers.items():
             given: Any = values.get(key, number.default)

@@ -22,7 +22,7 @@ from types import SimpleNamespace
 import sympy as sp
 
 from hovercontrol.base.boundary import checked
-from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.base.errors import InputError, check_known
 from hovercontrol.base.tables import positive
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.expressions import Expressions
@@ -201,8 +201,7 @@ def _bounded(block: Block, bounds: bool | Mapping[str, tuple[float, float]]) -> 
     """Return the inputs by name, with the requested bounds."""
     inputs = {s.name: s for s in block.inputs if not s.modes}
     for name, pair in {}.items() if isinstance(bounds, bool) else bounds.items():
-        if name not in inputs:
-            raise InputError(block.where(f"bounds: no input {name!r}{did_you_mean(name, inputs)}"))
+        check_known(name, inputs, block.where(f"bounds: no input {name!r}"))
         lower, upper = pair
         if not lower <= upper:
             raise InputError(block.where(f"bounds of {name!r}: lower = {lower:g} is above upper = {upper:g}"))
@@ -227,8 +226,7 @@ def _by_input(block: Block, what: str, given: Numbers) -> dict[str, float]:
             )
         given = dict.fromkeys(inputs, given)
     for name, value in given.items():
-        if name not in inputs:
-            raise InputError(block.where(f"{what}: no input {name!r}{did_you_mean(name, inputs)}"))
+        check_known(name, inputs, block.where(f"{what}: no input {name!r}"))
         positive(f"{what} of {name!r}", value)
     return dict(given)
 

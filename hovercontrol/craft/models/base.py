@@ -13,7 +13,7 @@ import sympy as sp
 from numpy.typing import ArrayLike
 
 from hovercontrol.base.boundary import checked
-from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.base.errors import InputError, check_known, did_you_mean
 from hovercontrol.base.short_repr import WIDTH, listed
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.signals import Signal
@@ -189,10 +189,7 @@ class EffectModel(ABC):
     def _refuse_unknown(self, names: Iterable[str]) -> None:
         known = self.coefficients()
         for name in names:
-            if name not in known:
-                raise InputError(
-                    f"model {self.name!r} has no coefficient {name!r}{did_you_mean(name, known)}"
-                )
+            check_known(name, known, f"model {self.name!r} has no coefficient {name!r}")
 
     def _effect_coefficients(self) -> dict[str, float]:
         return {e.parameter(k): v for e in self.effects for k, v in e.values.items()}

@@ -15,7 +15,7 @@ import sympy as sp
 from numpy.typing import ArrayLike
 
 from hovercontrol.base.boundary import checked
-from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.base.errors import InputError, check_known, did_you_mean
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.derivatives import linear_parameters, nonzero_parameters
 from hovercontrol.blocks.expressions import Expressions
@@ -424,9 +424,7 @@ class BlockModel(EffectModel):
         for e in self.effects:
             own |= e.states(e.symbols(self.name), motion)
             for state, term in e.terms(e.symbols(self.name), motion).items():
-                if state not in derivatives:
-                    hint = did_you_mean(state, derivatives)
-                    raise InputError(f"effect {e.name}: {self.name!r} has no state {state!r}{hint}")
+                check_known(state, derivatives, f"effect {e.name}: {self.name!r} has no state {state!r}")
                 derivatives[state] += step.symbol * term if step else term
         if step:
             own = {s: next_value(s, rate, step.symbol) for s, rate in own.items()}

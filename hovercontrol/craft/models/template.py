@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.base.errors import InputError, check_known
 from hovercontrol.craft.effects import Effect, Shape
 from hovercontrol.craft.effects.base import resolved_unit
 from hovercontrol.craft.models.fans import Fan
@@ -116,8 +116,7 @@ def template(kind: str, name: str, file: str) -> str:
     >>> print(template("rudder", "duck", "duck.toml").splitlines()[0])
     # A model of a craft with a propeller and a rudder: planar rigid-body motion plus the effects below.
     """
-    if kind not in KINDS:
-        raise InputError(f"--kind: unknown {kind!r}{did_you_mean(kind, KINDS)}")
+    check_known(kind, KINDS, f"--kind: unknown {kind!r}")
     if not name.isidentifier():
         raise InputError(f"{name!r} is not a valid model name; use letters, digits and _, a letter first")
     if kind == "block":

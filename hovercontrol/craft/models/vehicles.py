@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from hovercontrol.base.boundary import checked
-from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.base.errors import check_known
 from hovercontrol.base.tables import positive
 from hovercontrol.craft.effects import Effect, effect
 from hovercontrol.craft.models.fans import Fan
@@ -146,6 +146,5 @@ def vehicle(name: str) -> Model:
     >>> vehicle("hoverdemon").coefficients()["thrust"]
     0.3846153846153846
     """
-    if name not in VEHICLES:
-        raise InputError(f"unknown vehicle {name!r}{did_you_mean(str(name), VEHICLES)}")
+    check_known(name, VEHICLES, f"unknown vehicle {name!r}")
     return VEHICLES[name]()

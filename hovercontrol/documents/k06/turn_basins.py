@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.base.boundary import checked
-from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.base.errors import InputError, check_known
 from hovercontrol.base.tables import number, positive
 from hovercontrol.blocks.backends.sweep import SweepResult
 from hovercontrol.control.analysis.regions import Axis, Region, axis, mesh, refuse_large
@@ -211,8 +211,7 @@ def _axes(plane: Plane, points: int) -> tuple[Axis, Axis]:
     if not isinstance(plane, Mapping):
         raise InputError(f"plane: expected ranges by name, found {plane!r}")
     for name in plane:
-        if name not in _ABOUT:
-            raise InputError(f"plane: unknown velocity {name!r}{did_you_mean(str(name), _ABOUT)}")
+        check_known(name, _ABOUT, f"plane: unknown velocity {name!r}")
     if len(plane) != 2:
         raise InputError(f"plane: expected two of u, v, r, found {len(plane)}")
     x, y = (

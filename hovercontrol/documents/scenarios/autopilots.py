@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from hovercontrol.base.boundary import as_user
-from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.base.errors import InputError, check_known
 from hovercontrol.base.tables import number
 from hovercontrol.blocks.random_numbers import LARGEST_SEED
 from hovercontrol.control.autopilot import SWITCHES, Imperfections
@@ -55,9 +55,7 @@ def autopilot_section(folder: Path, section: Mapping[str, Any]) -> Autopilot:
     given = dict(section)
     own = {key: given.pop(key) for key in list(given) if key in SWITCHES}
     navigation = given.get("navigation", Autopilot.navigation)
-    if navigation not in NAVIGATION:
-        hint = did_you_mean(navigation, NAVIGATION)
-        raise InputError(f"autopilot.navigation: unknown {navigation!r}{hint}")
+    check_known(navigation, NAVIGATION, f"autopilot.navigation: unknown {navigation!r}")
     if not 0 <= given.get("seed", 0) <= LARGEST_SEED:
         raise InputError(f"autopilot.seed must be between 0 and {LARGEST_SEED}, found {given['seed']}")
     if not 0 <= given.get("rudder_loss", 0.0) < 1:
@@ -83,8 +81,7 @@ def autopilot_section(folder: Path, section: Mapping[str, Any]) -> Autopilot:
 
 
 def _propeller(name: str) -> VariablePitch | None:
-    if name not in PROPELLERS:
-        raise InputError(f"autopilot.propeller: unknown {name!r}{did_you_mean(name, PROPELLERS)}")
+    check_known(name, PROPELLERS, f"autopilot.propeller: unknown {name!r}")
     return VariablePitch() if name == "variable_pitch" else None
 
 

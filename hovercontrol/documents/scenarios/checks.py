@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.base.errors import InputError, check_known
 from hovercontrol.base.tables import check_keys
 from hovercontrol.blocks.signals import Signal
 from hovercontrol.documents.scenarios.parts import loop_parts
@@ -68,9 +68,7 @@ def _check_law(scenario: Scenario) -> None:
         inputs = {s.name: s for s in parts["reference"].outputs} if "reference" in parts else {}
     for phase in scenario.phases:
         for name, value in phase.setpoints.items():
-            if name not in inputs:
-                hint = did_you_mean(name, inputs)
-                raise InputError(f"phase {phase.name!r}: set: unknown set point {name!r}{hint}")
+            check_known(name, inputs, f"phase {phase.name!r}: set: unknown set point {name!r}")
             inputs[name].check(value, f"phase {phase.name!r}: set.{name}")
 
 
@@ -103,8 +101,7 @@ def _check_metric(scenario: Scenario, metric: Metric) -> None:
     if not there:
         raise InputError(f"{where}: {metric.of} needs {part}")
     known = [*needs, *_signals(scenario)]
-    if metric.of not in known:
-        raise InputError(f"{where}: unknown quantity {metric.of!r}{did_you_mean(metric.of, known)}")
+    check_known(metric.of, known, f"{where}: unknown quantity {metric.of!r}")
     if metric.start < 0:
         raise InputError(f"{where}: from = {metric.start:g} must not be negative")
     if metric.start > metric.end:

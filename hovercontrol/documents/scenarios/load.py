@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from hovercontrol.base.boundary import as_user, checked
-from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.base.errors import InputError, check_known, did_you_mean
 from hovercontrol.base.pythonfile import from_python, names_python
 from hovercontrol.base.tables import check_keys, number, positive, read_toml, table, text
 from hovercontrol.control.controllers.references import REFERENCES
@@ -202,8 +202,7 @@ def _kind(
     """Return a section whose ``kind`` names a function and whose other keys are its arguments, numbers."""
     given = table(section, content[section])
     kind = text(f"{section}.kind", given.get("kind"))
-    if kind not in makers:
-        raise InputError(f"{section}.kind: unknown {kind!r}{did_you_mean(kind, makers)}")
+    check_known(kind, makers, f"{section}.kind: unknown {kind!r}")
     kinds, required = arguments(makers[kind], ("body", "name", "period"))
     return _check(section, given, {"kind": str, **dict.fromkeys(kinds, float)}, required)
 
@@ -244,9 +243,7 @@ def _phases(content: Mapping[str, Any], craft: Model) -> tuple[Phase, ...]:
         given = _check(where, entry, PHASE, ("until",))
         scale = _numbers(f"{where}.scale", given.get("scale", {}))
         for name in scale:
-            if name not in craft.coefficients():
-                hint = did_you_mean(name, craft.coefficients())
-                raise InputError(f"{where}.scale: unknown coefficient {name!r}{hint}")
+            check_known(name, craft.coefficients(), f"{where}.scale: unknown coefficient {name!r}")
         before = phases[-1].until if phases else 0.0
         if not before < given["until"] < math.inf:
             raise InputError(f"{where}: until = {given['until']:g} must be later than {before:g}")
@@ -263,9 +260,7 @@ def _metrics(content: Mapping[str, Any]) -> tuple[Metric, ...]:
     for k, entry in enumerate(_entries(content, "metric")):
         g = _check(f"metric {k + 1}", entry, METRIC, METRIC_NEEDS)
         statistic = g.get("statistic", "mean")
-        if statistic not in STATISTICS:
-            hint = did_you_mean(statistic, STATISTICS)
-            raise InputError(f"metric {k + 1}: unknown statistic {statistic!r}{hint}")
+        check_known(statistic, STATISTICS, f"metric {k + 1}: unknown statistic {statistic!r}")
         for key in NEEDS.get(statistic, ()):
             if key not in g:
                 raise InputError(f"metric {k + 1}: {key!r} is missing for statistic = {statistic!r}")
@@ -280,8 +275,7 @@ def _reference(content: Mapping[str, Any]) -> dict[str, Any] | None:
         return None
     given = dict(table("reference", content["reference"]))
     kind = text("reference.kind", given.get("kind"))
-    if kind not in REFERENCES:
-        raise InputError(f"reference.kind: unknown {kind!r}{did_you_mean(kind, REFERENCES)}")
+    check_known(kind, REFERENCES, f"reference.kind: unknown {kind!r}")
     accepted, required = arguments(REFERENCES[kind], ("name",))
     check_keys("key in [reference]", given, ("kind", *accepted))
     for key in required:

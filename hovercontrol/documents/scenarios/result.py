@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.base.boundary import checked
-from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.base.errors import check_known
 from hovercontrol.base.folders import write_folder
 from hovercontrol.base.pyplot import open_in_pyplot
 from hovercontrol.base.short_repr import short_repr
@@ -143,8 +143,7 @@ class Run:
 
         drawn = figures(self)
         chosen = name or ("tracking_error" if "tracking_error" in drawn else "path")
-        if chosen not in drawn:
-            raise InputError(f"no picture {chosen!r}{did_you_mean(chosen, drawn)}")
+        check_known(chosen, drawn, f"no picture {chosen!r}")
         return open_in_pyplot(drawn[chosen])
 
     def save(self, folder: str | Path) -> list[Path]:

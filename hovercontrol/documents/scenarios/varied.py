@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from hovercontrol.base.boundary import checked
-from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.base.errors import InputError, check_known
 from hovercontrol.base.folders import write_folder
 from hovercontrol.base.pyplot import open_in_pyplot, shown_once
 from hovercontrol.base.short_repr import short_repr
@@ -257,11 +257,9 @@ def varied(
     """
     if not 1 <= len(ranges) <= 2:
         raise InputError(f"{where}: expected one or two parameters to vary, found {len(ranges)}")
-    if figure not in FIGURES:
-        raise InputError(f"unknown figure {figure!r}{did_you_mean(figure, FIGURES)}")
+    check_known(figure, FIGURES, f"unknown figure {figure!r}")
     of = of or next((usual for usual in ("error_x", "u") if usual in outputs), next(iter(outputs), ""))
-    if of not in outputs:
-        raise InputError(f"{where}: no output {of!r}{did_you_mean(of, outputs)}")
+    check_known(of, outputs, f"{where}: no output {of!r}")
     axes = tuple(_axis(known, name, values, where) for name, values in ranges.items())
     if np.prod([len(axis.values) for axis in axes]) > MAX_RUNS:
         raise InputError(f"{where}: more than {MAX_RUNS} runs: take fewer points")
@@ -327,8 +325,7 @@ def swept_phases(
 
 
 def _axis(known: Mapping[str, Variable], name: str, values: Array, where: str) -> Axis:
-    if name not in known:
-        raise InputError(f"{where}: no parameter or state {name!r}{did_you_mean(name, known)}")
+    check_known(name, known, f"{where}: no parameter or state {name!r}")
     values = np.asarray(values, dtype=float)
     if values.ndim != 1 or not values.size or not (np.diff(values) > 0).all():
         raise InputError(f"{where}: the values of {name!r} must be a row of increasing numbers")

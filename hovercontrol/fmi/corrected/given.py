@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import cast
 from xml.etree.ElementTree import Element, fromstring
 
-from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.base.errors import InputError, check_known
 from hovercontrol.fmi.exporter.binaries import PLATFORMS, Platform, folder_of
 from hovercontrol.fmi.exporter.sources import Version
 from hovercontrol.fmi.importer.archive import LIMITS, check_xml, open_archive
@@ -130,11 +130,9 @@ class Given:
             for n, v in self.by_name.items()
             if v.is_real and v.size == 1 and (not causality or v.element.get("causality") == causality)
         ]
-        if name not in fitting:
-            hint = did_you_mean(name, fitting)
-            raise InputError(
-                f"{what}: {self.path} has no scalar real {causality or 'variable'} {name!r}{hint}"
-            )
+        check_known(
+            name, fitting, f"{what}: {self.path} has no scalar real {causality or 'variable'} {name!r}"
+        )
         return self.by_name[name]
 
     def derivatives(self) -> list[tuple[Variable, Variable]]:

@@ -9,7 +9,7 @@ import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.base.errors import InputError, check_known, did_you_mean
 from hovercontrol.blocks.backends.compiler import (
     NoCompilerError,
     built_file,
@@ -123,8 +123,7 @@ def chosen_platforms(names: str | Iterable[str] | None) -> tuple[Platform, ...]:
         )
     known = [*PLATFORMS, "all"]
     for name in wanted:
-        if name not in known:
-            raise InputError(f"unknown platform {name!r}{did_you_mean(str(name), known)}")
+        check_known(name, known, f"unknown platform {name!r}")
     every = "all" in wanted
     return tuple(p for p in PLATFORMS.values() if every or p.name in wanted)  # once each, in one order
 

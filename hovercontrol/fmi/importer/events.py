@@ -15,7 +15,7 @@ import scipy.integrate
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.base.errors import InputError, check_known
 from hovercontrol.blocks.simulation.given import checked_times
 from hovercontrol.fmi.importer.continuous import Continuous
 
@@ -44,8 +44,7 @@ def simulated(
 ) -> Response:
     """Return the simulation of :meth:`FmuModel.simulate`."""
     times = checked_times(given[0])
-    if options[0] not in METHODS:
-        raise InputError(f"unknown method {options[0]!r}{did_you_mean(options[0], METHODS)}")
+    check_known(options[0], METHODS, f"unknown method {options[0]!r}")
     rows = _rows(system, given[1], times)
     run = _Run(system, engine, times, rows, options)
     engine.begin(float(times[0]), values, rows[:, 0].tolist(), ticks=given[2] is None)
@@ -200,8 +199,7 @@ def _rows(system: FmuModel, inputs: Any, times: Array) -> Array:
         return rows
     if isinstance(inputs, Mapping):
         for name, row in inputs.items():
-            if name not in names:
-                raise InputError(f"FMU {system.name!r}: unknown input {name!r}{did_you_mean(name, names)}")
+            check_known(name, names, f"FMU {system.name!r}: unknown input {name!r}")
             rows[names.index(name)] = row
     else:
         given = np.asarray(inputs, dtype=float)

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from hovercontrol.base.boundary import checked
-from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.base.errors import InputError, check_known
 from hovercontrol.base.files import readable
 from hovercontrol.blocks.signals import Signal
 from hovercontrol.blocks.units import is_plain_si
@@ -96,8 +96,7 @@ def fmu_plant(
         plant = FmuPlant(called, source, runs, tuple(fit), {}, around, free, tuple(laws_in))
         known = [s.name for s in states]
         for one in laws_in:
-            if one not in known:
-                raise InputError(f"{path}: no continuous state {one!r}{did_you_mean(one, known)}")
+            check_known(one, known, f"{path}: no continuous state {one!r}")
         for one in fit:
             plant.value(one)
             if list(fit).count(one) > 1:

@@ -13,7 +13,7 @@ import sympy as sp
 from numpy.typing import NDArray
 
 from hovercontrol.base.boundary import checked
-from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.base.errors import check_known
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.signals import Signal
 from hovercontrol.craft.effects import Effect
@@ -141,9 +141,7 @@ class FmuPlant:
         InputError
             If the FMU has no such parameter; the message names the nearest.
         """
-        if name not in self.parameters:
-            hint = did_you_mean(name, self.parameters)
-            raise InputError(f"{self.path}: no parameter {name!r} that is a real number{hint}")
+        check_known(name, self.parameters, f"{self.path}: no parameter {name!r} that is a real number")
         return self.values.get(name, self.parameters[name].start)
 
     def with_values(self, values: Mapping[str, float]) -> FmuPlant:

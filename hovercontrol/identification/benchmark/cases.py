@@ -14,7 +14,7 @@ import sympy as sp
 from numpy.typing import NDArray
 
 from hovercontrol.base.boundary import checked
-from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.base.errors import InputError, check_known
 from hovercontrol.base.short_repr import short_repr
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.signals import Signal
@@ -124,10 +124,7 @@ def benchmark_names(edition: str = "small") -> list[str]:
     >>> benchmark_names()[0]
     'rudder.yaw_quadratic_drag.usual.0'
     """
-    if edition not in EDITIONS:
-        raise InputError(
-            f"edition: expected small or full, found {edition!r}{did_you_mean(edition, EDITIONS)}"
-        )
+    check_known(edition, EDITIONS, f"edition: expected small or full, found {edition!r}")
     found = []
     for m, (name, machine) in enumerate(MACHINES.items()):
         lacks = [*machine.effects, *(law_name(*law) for law in machine.laws), NOTHING, NOTHING]
@@ -229,14 +226,11 @@ def parsed(name: str) -> tuple[str, str, str, int]:
     ending = rest.rsplit(".", 2)
     if not dot or len(ending) != 3:
         raise InputError(f"benchmark: expected MACHINE.WHAT.CONDITION.SEED, found {name!r}")
-    if machine not in MACHINES:
-        raise InputError(f"benchmark: unknown machine {machine!r}{did_you_mean(machine, MACHINES)}")
+    check_known(machine, MACHINES, f"benchmark: unknown machine {machine!r}")
     what, condition, seed = ending
     known = [*MACHINES[machine].effects, *(law_name(*law) for law in MACHINES[machine].laws), NOTHING]
-    if what not in known:
-        raise InputError(f"benchmark: {machine} has no case {what!r}{did_you_mean(what, known)}")
-    if condition not in CONDITIONS:
-        raise InputError(f"benchmark: unknown condition {condition!r}{did_you_mean(condition, CONDITIONS)}")
+    check_known(what, known, f"benchmark: {machine} has no case {what!r}")
+    check_known(condition, CONDITIONS, f"benchmark: unknown condition {condition!r}")
     if not (seed.isascii() and seed.isdigit()):
         raise InputError(f"benchmark: expected a seed of 0 or more, found {seed!r}")
     return machine, what, condition, int(seed)
@@ -394,6 +388,5 @@ def given_model(machine: str, values: Mapping[str, float]) -> Model | BlockModel
     InputError
         If the machine or a coefficient is unknown.
     """
-    if machine not in MACHINES:
-        raise InputError(f"benchmark: unknown machine {machine!r}{did_you_mean(machine, MACHINES)}")
+    check_known(machine, MACHINES, f"benchmark: unknown machine {machine!r}")
     return MACHINES[machine].model().with_coefficients(values)

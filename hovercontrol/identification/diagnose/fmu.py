@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.base.errors import InputError, check_known
 from hovercontrol.craft.effects import Effect
 from hovercontrol.fmi.replay.candidates import Candidate, candidates
 from hovercontrol.fmi.replay.held_out import held_out, shares_of
@@ -191,8 +191,7 @@ def _wanted(model: FmuPlant, rows: Sequence[Rows], names: Sequence[str] | None) 
     known = candidates(model, rows)
     every = {n for c in known for n in (c.name, c.cls.name)}
     for name in names:
-        if name not in every:
-            raise InputError(f"unknown effect {name!r}{did_you_mean(name, every)}")
+        check_known(name, every, f"unknown effect {name!r}")
     return {c.name for c in known if {c.name, c.cls.name} & set(names)}
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.base.boundary import checked
-from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.base.errors import check_known
 from hovercontrol.base.files import write_atomically
 from hovercontrol.base.percent import percent
 from hovercontrol.base.pyplot import open_in_pyplot
@@ -278,8 +278,7 @@ class Identified:
 
     def __getitem__(self, name: str) -> Fitted:
         every = {row.name: row for row in (*self.groups, *self.kept, *self.coefficients)}
-        if name not in every:
-            raise InputError(f"no coefficient {name!r} was identified{did_you_mean(name, every)}")
+        check_known(name, every, f"no coefficient {name!r} was identified")
         return every[name]
 
     @property

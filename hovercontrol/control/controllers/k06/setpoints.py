@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 from hovercontrol.base.boundary import checked
-from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.base.errors import check_known
 from hovercontrol.blocks.block import Block
 
 
@@ -43,8 +43,7 @@ def setpoints(
     driven = {s.name for block in every for s in block.outputs}
     told = {s.name: s for b in every for s in b.inputs if s.name.endswith("_ref") and s.name not in driven}
     for key, value in (values or {}).items():
-        if key not in told:
-            raise InputError(f"{name}: unknown set point {key!r}{did_you_mean(key, told)}")
+        check_known(key, told, f"{name}: unknown set point {key!r}")
         told[key] = told[key].replace(start=told[key].check(value))
     inner = {key: signal.replace(name=f"{name}.{key}") for key, signal in told.items()}
     return Block(

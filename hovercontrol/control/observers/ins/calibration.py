@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import sympy as sp
 
-from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.base.errors import InputError, check_known
 from hovercontrol.base.tables import positive
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.expressions import Expressions
@@ -153,10 +153,7 @@ def restartable(block: Block, restart: Signal, kept: Mapping[str, sp.Expr] | Non
     begin = dict(kept or {})
     names = [s.name for s in block.states]
     for name in begin:
-        if name not in names:
-            raise InputError(
-                f"restartable: block {block.name!r} has no state {name!r}{did_you_mean(name, names)}"
-            )
+        check_known(name, names, f"restartable: block {block.name!r} has no state {name!r}")
     before = tuple(s.replace(name=_beside(s.name, "before")) for s in block.states)
     old = {s.symbol: b.symbol for s, b in zip(block.states, before, strict=True)}
     first = {s.name: s.replace(name=_beside(s.name, "first")) for s in block.states if s.start}

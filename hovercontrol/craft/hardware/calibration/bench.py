@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from hovercontrol.base.arguments import as_row
 from hovercontrol.base.boundary import checked
-from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.base.errors import InputError, check_known
 from hovercontrol.base.pyplot import open_in_pyplot
 from hovercontrol.base.short_repr import short_repr
 from hovercontrol.craft.hardware.actuators.k06 import (
@@ -143,8 +143,7 @@ def read_fan_bench(path: str | Path) -> tuple[Floats, Floats, Floats]:
     file = Path(path)
     source = open_source(file)
     for name in COLUMNS:
-        if name not in source.header:
-            raise InputError(f"{file}: no column {name!r}{did_you_mean(name, source.header)}")
+        check_known(name, source.header, f"{file}: no column {name!r}")
     batches = [
         np.column_stack([batch.column(k).to_numpy(zero_copy_only=False) for k in range(3)])
         for batch in source.batches(list(COLUMNS))

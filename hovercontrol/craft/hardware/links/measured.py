@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.optimize import root
 
 from hovercontrol.base.boundary import checked
-from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.base.errors import InputError, check_known
 from hovercontrol.base.pyplot import open_in_pyplot
 from hovercontrol.base.short_repr import short_repr
 from hovercontrol.base.tables import positive
@@ -170,8 +170,7 @@ def read_delays(path: str | Path, column: str = "delay", *, scale: float = 1.0) 
     """
     file, unit = Path(path), positive("scale", scale)
     source = open_source(file)
-    if column not in source.header:
-        raise InputError(f"{file}: no column {column!r}{did_you_mean(column, source.header)}")
+    check_known(column, source.header, f"{file}: no column {column!r}")
     pieces = [batch.column(column).to_numpy(zero_copy_only=False) for batch in source.batches([column])]
     values = np.concatenate([np.zeros(0), *pieces]).astype(float)
     check_finite(str(file), source, column, values)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from hovercontrol.base.boundary import checked
-from hovercontrol.base.errors import InputError, did_you_mean
+from hovercontrol.base.errors import check_known
 from hovercontrol.craft.hardware.links.distributions import BoundedDelays
 
 #: K06 table 5.1: mean, standard deviation, least and most [ms]. The name says the radio at the controller
@@ -46,6 +46,5 @@ def bluetooth_delays(name: str) -> BoundedDelays:
     >>> bluetooth_delays("linksys_22.0_uplink").mean
     0.04081
     """
-    if name not in TABLE_5_1:
-        raise InputError(f"unknown row of table 5.1 {name!r}{did_you_mean(str(name), TABLE_5_1)}")
+    check_known(name, TABLE_5_1, f"unknown row of table 5.1 {name!r}")
     return BoundedDelays(*(round(value / 1000, 6) for value in TABLE_5_1[name]))
