@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.errors import InputError, shown
-
-Array = NDArray[np.float64]
 
 
 def at_least(where: str, value: int, least: int = 0) -> int:

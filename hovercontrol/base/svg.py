@@ -9,12 +9,11 @@ from html import escape
 from itertools import pairwise, product
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.envelope import envelope
 from hovercontrol.base.html import Markup
-
-Array = NDArray[np.float64]
 
 #: Maximum number of points of a line; more are not visible at the width of a plot.
 MOST = 360

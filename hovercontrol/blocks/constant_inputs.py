@@ -5,9 +5,8 @@ from __future__ import annotations
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from hovercontrol.base.arrays import Array
 
 #: Fractions of the largest input, a factor 2 apart.
 SIZES: Array = 0.5 ** np.arange(9.0)

@@ -19,6 +19,7 @@ import numpy as np
 import sympy as sp
 from numpy.typing import ArrayLike, NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.errors import InputError
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.delay_line import constant_delay
@@ -26,8 +27,6 @@ from hovercontrol.blocks.expressions import Expressions
 from hovercontrol.blocks.interconnect import interconnect, rename
 from hovercontrol.blocks.signals import Signal
 from hovercontrol.blocks.ticks import ROOM
-
-Array = NDArray[np.float64]
 
 #: Maximum number of different delays in one sweep: each one needs its own input arrays.
 MAX_DIFFERENT = 1000

@@ -13,10 +13,11 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import sympy as sp
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from sympy.printing.numpy import NumPyPrinter
 from sympy.printing.pycode import PythonCodePrinter
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError
 from hovercontrol.blocks.derivatives import partial_derivatives
@@ -28,7 +29,6 @@ from hovercontrol.blocks.summary import block_line
 if TYPE_CHECKING:
     from hovercontrol.blocks.block import Block, Columns, Rows
 
-Array = NDArray[np.float64]
 Function = Callable[..., tuple[Any, ...]]
 FunctionPair = tuple[Function, Function]  # for floats, for arrays
 Backend = Literal["math", "numpy"]

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.signal import cont2discrete
 
 from hovercontrol.base.arguments import whole_periods
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.tables import positive
-
-Array = NDArray[np.float64]
 
 
 def growth(poles: ArrayLike, sampled: bool) -> Array:

@@ -6,16 +6,14 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.errors import InputError
 from hovercontrol.blocks.functions import numpy_functions
 
 if TYPE_CHECKING:
     from hovercontrol.blocks.block import Block, Columns, Rows
     from hovercontrol.blocks.signals import Signal
-
-Array = NDArray[np.float64]
 
 
 def finite_jacobian(

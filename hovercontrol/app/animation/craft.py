@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hovercontrol.app.animation.motion import Motion
+from hovercontrol.base.arrays import Array
 from hovercontrol.craft.models.model import Model
-
-Array = NDArray[np.float64]
 
 #: Length and width of C17's craft [m], for a craft whose fans do not tell its size.
 LENGTH, WIDTH = 0.45, 0.25

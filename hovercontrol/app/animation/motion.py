@@ -8,15 +8,13 @@ from typing import TypeAlias
 
 import control
 import numpy as np
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.errors import InputError
 from hovercontrol.craft.models.model import Model
 from hovercontrol.documents.scenarios.machine import MachineRun
 from hovercontrol.documents.scenarios.result import Run
 from hovercontrol.logs.log import POSE, VELOCITY, Log
-
-Array = NDArray[np.float64]
 
 #: What holds the motion of a craft.
 AnyRun: TypeAlias = control.TimeResponseData | Log | Run | MachineRun

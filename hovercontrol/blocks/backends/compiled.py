@@ -18,17 +18,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hovercontrol.base.annotations import fits
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError, shown
 from hovercontrol.blocks.backends.engines import Engine, checked_solver, engine_of
 from hovercontrol.blocks.backends.executors import sweep_on
-from hovercontrol.blocks.backends.library import (
-    Array,
-    Library,
-    Point,
-    Solver,
-    states_and_inputs,
-)
+from hovercontrol.blocks.backends.library import Library, Point, Solver, states_and_inputs
 from hovercontrol.blocks.backends.native_runner import NativeEngine
 from hovercontrol.blocks.backends.sweep import (
     Many,

@@ -11,8 +11,9 @@ from typing import Any
 
 import control
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.caller import caller_level
 from hovercontrol.base.errors import InputError, check_known
 from hovercontrol.blocks.backends import friction_slopes
@@ -20,8 +21,6 @@ from hovercontrol.blocks.backends.library import Point
 from hovercontrol.blocks.backends.linear import point_values, sampled_names, state_space
 from hovercontrol.blocks.backends.points import points
 from hovercontrol.blocks.block import Block
-
-Array = NDArray[np.float64]
 
 
 class _Params(dict[str, float]):

@@ -12,9 +12,9 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.errors import InputError
 from hovercontrol.blocks.backends.control import BlockSystem
 from hovercontrol.blocks.backends.engines import engine_of
@@ -24,8 +24,6 @@ from hovercontrol.blocks.functions import call_scalar, numpy_functions
 from hovercontrol.blocks.simulation.reasons import REASONS
 from hovercontrol.blocks.singular import finite_jacobian
 from hovercontrol.blocks.switching import switching_times
-
-Array = NDArray[np.float64]
 
 #: Solver for continuous Blocks. The tolerance is tight because python-control takes finite differences of the
 #: results with steps of 1e-6, and SciPy's optimisers with steps of 1e-8.

@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.base.annotations import fits
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.errors import InputError, check_known, shown
 from hovercontrol.blocks.backends.compiler import NoCompilerError
-from hovercontrol.blocks.backends.library import METHODS, Array, Library, Point, Solver, Step, check_point
+from hovercontrol.blocks.backends.library import METHODS, Library, Point, Solver, Step, check_point
 from hovercontrol.blocks.block import Block, Rows
 from hovercontrol.blocks.friction import Friction
 from hovercontrol.blocks.functions import call_scalar, numpy_functions

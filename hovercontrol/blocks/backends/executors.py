@@ -28,6 +28,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.boundary import as_user
 from hovercontrol.base.errors import InputError
 from hovercontrol.base.tables import positive
@@ -36,7 +37,6 @@ from hovercontrol.blocks.backends.resting import without_resting_states
 from hovercontrol.blocks.backends.sweep import (
     FIGURES,
     WORKER_FAILED,
-    Array,
     Many,
     SweepResult,
     number_of_runs,

@@ -14,16 +14,14 @@ from functools import partial
 
 import numpy as np
 import sympy as sp
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.blocks.backends.background import InBackground
 from hovercontrol.blocks.backends.c import function_source
 from hovercontrol.blocks.backends.compiler import generated, load_library
 from hovercontrol.blocks.backends.runtime import FOLLOWING, runtime_files
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.sgn import regularise
-
-Array = NDArray[np.float64]
 
 #: Time of a NumPy step [s]: a library being built is awaited for the time that NumPy would need.
 NUMPY_STEP = 2e-4

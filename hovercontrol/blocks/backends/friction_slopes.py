@@ -22,9 +22,9 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 import sympy as sp
-from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.caller import caller_level
 from hovercontrol.base.errors import InputError, SmoothedFrictionWarning, check_known, shown
 from hovercontrol.base.tables import positive
@@ -34,7 +34,6 @@ from hovercontrol.blocks.sgn import sgn
 from hovercontrol.blocks.signals import Signal
 from hovercontrol.blocks.singular import finite_jacobian
 
-Array = NDArray[np.float64]
 Slope = Literal["smooth", "none", "describing"]
 
 #: A pole is due to the smoothing if it moves by this fraction of its magnitude without the friction's slope.

@@ -22,13 +22,13 @@ import scipy.linalg
 import sympy as sp
 from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError, check_known
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.signals import Signal
 from hovercontrol.blocks.units import Dimension, dimension, unit_text
 
-Array = NDArray[np.float64]
 Matrices = list[Array]
 Ones = list[NDArray[np.bool_]]
 

@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.errors import InputError
-from hovercontrol.blocks.backends.gym_task import ENDED, Array, Task
+from hovercontrol.blocks.backends.gym_task import ENDED, Task
 from hovercontrol.blocks.simulation.reasons import StoppedError
 
 

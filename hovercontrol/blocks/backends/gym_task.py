@@ -7,13 +7,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.random_numbers import LARGEST_SEED
 from hovercontrol.blocks.signals import Signal
 
-Array = NDArray[np.float64]
 Bounds = Mapping[str, tuple[float, float]]
 Judge = Callable[[Array, Array], Any]
 

@@ -12,9 +12,10 @@ from typing import Any
 
 import numpy as np
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.errors import InputError
 from hovercontrol.blocks.backends.engines import checked_solver, engine_of
-from hovercontrol.blocks.backends.gym_task import ENDED, REWARD, Array, Task
+from hovercontrol.blocks.backends.gym_task import ENDED, REWARD, Task
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.functions import numpy_functions
 from hovercontrol.blocks.signals import Signal, time

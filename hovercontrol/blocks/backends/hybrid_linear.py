@@ -19,14 +19,12 @@ from collections.abc import Mapping
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.errors import InputError
 from hovercontrol.blocks.backends.friction_slopes import Point, Slope, linear_matrices
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.expressions import Expressions
-
-Array = NDArray[np.float64]
 
 
 def common_period(block: Block) -> float:

@@ -12,8 +12,9 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.errors import InputError, check_known
 from hovercontrol.blocks.backends.engines import checked_solver
 from hovercontrol.blocks.backends.jax_needs import Run, need_jax
@@ -31,7 +32,6 @@ if TYPE_CHECKING:
 
     from hovercontrol.blocks.backends.jax import JaxFunctions
 
-Array = NDArray[np.float64]
 State = tuple[Any, ...]
 
 #: Maximum number of steps of Diffrax between two instants.

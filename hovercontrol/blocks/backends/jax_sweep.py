@@ -22,7 +22,6 @@ from hovercontrol.blocks.simulation.given import checked_times
 if TYPE_CHECKING:
     from hovercontrol.blocks.backends.jax import JaxFunctions
 
-Array = NDArray[np.float64]
 
 #: Runs of a chunk on a CPU: the values of a step stay in the cache.
 CPU_CHUNK = 256

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.errors import InputError, shown
 from hovercontrol.blocks.backends.c import c_source
 from hovercontrol.blocks.backends.c_exports import EXPORTS
@@ -21,7 +22,6 @@ from hovercontrol.blocks.backends.runtime import SIMULATION, runtime_files
 from hovercontrol.blocks.block import Block, Rows
 from hovercontrol.blocks.friction import Friction
 
-Array = NDArray[np.float64]
 Point = Callable[[float, ArrayLike, ArrayLike], Array]
 Step = Callable[[float, float, ArrayLike, ArrayLike], tuple[int, Array]]
 

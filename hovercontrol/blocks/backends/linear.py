@@ -7,12 +7,10 @@ from typing import Any
 
 import control
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import cont2discrete
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.errors import InputError
-
-Array = NDArray[np.float64]
 
 
 class StateSpaceWithoutInputs(control.StateSpace):

@@ -6,8 +6,9 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.errors import InputError, check_known
 from hovercontrol.blocks.backends.friction_slopes import Point, Slope, linear_matrices, warn_of_smoothing
 from hovercontrol.blocks.backends.hybrid_linear import common_period, hybrid_matrices, without_ticks
@@ -17,8 +18,6 @@ from hovercontrol.blocks.block import Block
 
 if TYPE_CHECKING:
     import control
-
-Array = NDArray[np.float64]
 
 
 def linearize(

@@ -9,11 +9,9 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.blocks.backends.library import Library, Solver, solver_options
-
-Array = NDArray[np.float64]
 
 
 class NativeEngine:

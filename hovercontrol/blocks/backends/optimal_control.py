@@ -15,9 +15,10 @@ import numpy as np
 import sympy as sp
 from control import optimal
 from control.flatsys import BasisFamily
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.optimize import LinearConstraint, NonlinearConstraint
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.caller import caller_level
 from hovercontrol.base.errors import InputError, shown
@@ -30,7 +31,6 @@ from hovercontrol.blocks.expressions import Expressions
 from hovercontrol.blocks.singular import finite_jacobian
 from hovercontrol.blocks.switching import switching_conditions
 
-Array = NDArray[np.float64]
 Cost = Callable[..., Any]
 Constraint: TypeAlias = LinearConstraint | NonlinearConstraint | tuple[Any, ...]
 

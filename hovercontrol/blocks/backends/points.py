@@ -13,14 +13,12 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.blocks.backends.compiler import NotCachedError
 from hovercontrol.blocks.backends.library import Library, Point, check_point
 from hovercontrol.blocks.block import Block, Rows
 from hovercontrol.blocks.functions import call_scalar, numpy_functions
-
-Array = NDArray[np.float64]
 
 _REAL = np.dtype(float)
 #: Executed Python bytecode [bytes, 1 ns each] after which a library is loaded, and after which it is built.

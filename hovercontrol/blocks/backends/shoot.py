@@ -17,8 +17,8 @@ from functools import cache, partial
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.users_code import OWN_THREADS
 from hovercontrol.blocks.backends.background import InBackground
 from hovercontrol.blocks.backends.c_lanes import lanes_source, slopes_source
@@ -26,8 +26,6 @@ from hovercontrol.blocks.backends.compiler import NoCompilerError, generated, lo
 from hovercontrol.blocks.backends.runtime import SHOOTING, runtime_files
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.simulation.runge_kutta import rk4_step
-
-Array = NDArray[np.float64]
 
 #: Minimum number of windows per thread.
 SHARE = 32

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError, check_known, did_you_mean
 from hovercontrol.base.files import write_atomically
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
     import pyarrow
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 Many = Mapping[str, ArrayLike]
 
 FIGURES = ("final", "maximum", "minimum", "rms", "settling")  # in the order of hc_simulate.h

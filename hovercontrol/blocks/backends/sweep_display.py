@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.figure_style import BLUE, COLOUR_MAP
 from hovercontrol.base.html import card, lines, table
 from hovercontrol.base.svg import sparkline
@@ -17,7 +18,6 @@ from hovercontrol.base.svg import sparkline
 if TYPE_CHECKING:
     from hovercontrol.blocks.backends.sweep import SweepResult
 
-Array = NDArray[np.float64]
 
 #: One number that was varied: what the axis says, and its values, increasing.
 Varied = tuple[str, Array]

@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.errors import InputError
 from hovercontrol.blocks.backends.engines import Engine
-from hovercontrol.blocks.backends.library import Array, Library, Solver
+from hovercontrol.blocks.backends.library import Library, Solver
 from hovercontrol.blocks.backends.sweep import (
     FIGURES,
     Many,

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError
 from hovercontrol.base.html import card, table
@@ -31,7 +31,6 @@ from hovercontrol.blocks.functions import numpy_functions
 if TYPE_CHECKING:
     import control
 
-Array = NDArray[np.float64]
 Values = Mapping[str, float]
 
 

@@ -15,8 +15,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import sympy as sp
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.errors import did_you_mean
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.derivatives import partial_derivatives
@@ -24,8 +24,6 @@ from hovercontrol.blocks.expressions import Expressions
 from hovercontrol.blocks.functions import numpy_functions
 from hovercontrol.blocks.signals import Signal
 from hovercontrol.blocks.units import dimension
-
-Array = NDArray[np.float64]
 
 _VELOCITIES = (dimension("m/s"), dimension("rad/s"), dimension("1/s"))
 

@@ -12,13 +12,11 @@ from collections.abc import Iterator
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 from scipy.optimize import least_squares, minimize
 from scipy.stats import qmc
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.blocks.backends.trim_conditions import Conditions
-
-Array = NDArray[np.float64]
 
 #: Maximum residual of a trim, as a fraction of the nominal size of each condition.
 TOLERANCE = 1e-8

@@ -8,8 +8,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.delays import undelayed
 from hovercontrol.blocks.functions import call_scalar, numpy_functions
@@ -17,8 +18,6 @@ from hovercontrol.blocks.simulation.reasons import StoppedError
 from hovercontrol.blocks.simulation.runner import INPUT_NOT_FINITE, BlockRunner, Inputs
 from hovercontrol.blocks.simulation.ticking import Running
 from hovercontrol.blocks.switching import switching_times
-
-Array = NDArray[np.float64]
 
 
 class PythonEngine:

@@ -15,15 +15,13 @@ from typing import Any
 
 import numpy as np
 import sympy as sp
-from numpy.typing import NDArray
 from sympy.core.relational import Relational
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.errors import InputError
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.functions import FunctionPair, array_function, call_scalar, numpy_functions
 from hovercontrol.blocks.sgn import sgn
-
-Array = NDArray[np.float64]
 
 #: Texts of the status codes, in the order of hc_solver.h.
 REASONS = (

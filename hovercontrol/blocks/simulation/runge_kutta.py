@@ -5,12 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 
-import numpy as np
-from numpy.typing import NDArray
-
+from hovercontrol.base.arrays import Array
 from hovercontrol.blocks.functions import FunctionPair, call_scalar
-
-Array = NDArray[np.float64]
 
 
 def rk4(

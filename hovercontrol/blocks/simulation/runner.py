@@ -15,8 +15,9 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.errors import InputError, check_known
 from hovercontrol.base.short_repr import short_repr
 from hovercontrol.blocks.block import Block
@@ -25,7 +26,6 @@ from hovercontrol.blocks.simulation.given import by_state, initial_state
 from hovercontrol.blocks.simulation.reasons import REASONS, StoppedError, where_it_stops
 from hovercontrol.blocks.simulation.ticking import between_ticks
 
-Array = NDArray[np.float64]
 Inputs = Sequence[float] | Mapping[str, float] | float | Array
 
 _REAL = np.dtype(float)

@@ -8,14 +8,13 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError, check_known
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.expressions import Expressions
 from hovercontrol.blocks.functions import FunctionPair, call_scalar, numpy_functions
 from hovercontrol.blocks.signals import Signal
-
-Array = NDArray[np.float64]
 
 
 class RunningFilter(Protocol):

@@ -8,16 +8,14 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.expressions import Expressions
 from hovercontrol.blocks.functions import call_scalar, numpy_functions
 from hovercontrol.blocks.simulation.reasons import REASONS, StoppedError, where_it_stops
 from hovercontrol.blocks.simulation.runge_kutta import NoProgressError, dormand_prince
 from hovercontrol.blocks.ticks import ROOM, Schedule
-
-Array = NDArray[np.float64]
 
 #: Initial step size [s].
 FIRST = 1e-3

@@ -13,9 +13,10 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.integrate import solve_ivp
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError, check_known
 from hovercontrol.blocks.block import Block
@@ -31,7 +32,6 @@ if TYPE_CHECKING:
 
     from hovercontrol.blocks.simulation.response import Response
 
-Array = NDArray[np.float64]
 
 #: Solvers of :func:`scipy.integrate.solve_ivp`.
 METHODS = ("RK45", "RK23", "DOP853", "Radau", "BDF", "LSODA")

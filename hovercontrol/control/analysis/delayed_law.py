@@ -10,14 +10,13 @@ from dataclasses import dataclass
 
 import control
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.linalg import expm, solve_discrete_lyapunov
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.errors import InputError
 from hovercontrol.base.short_repr import short_repr
 from hovercontrol.base.tables import number, positive
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,13 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hovercontrol.base.arguments import as_row
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError
-
-Array = NDArray[np.float64]
 
 #: Components below this share of a direction's largest are left out of its text.
 MINOR = 1e-2

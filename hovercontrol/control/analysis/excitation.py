@@ -18,8 +18,9 @@ from dataclasses import dataclass
 import control
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError
 from hovercontrol.base.pyplot import open_in_pyplot
@@ -29,8 +30,6 @@ from hovercontrol.control.analysis.directions import Direction
 from hovercontrol.control.observers.observable_subspace import readable
 from hovercontrol.control.observers.regression import Regression, regression
 from hovercontrol.control.observers.regressors import Regressors
-
-Array = NDArray[np.float64]
 
 #: A function whose RMS is below this (per unit coefficient, in nominal sizes of the state a second)
 #: is taken as zero.

@@ -22,6 +22,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError
 from hovercontrol.base.figure_style import COLOUR_MAP
@@ -41,7 +42,6 @@ from hovercontrol.craft.models.vehicles import c17_experiment, c17_simulation
 if TYPE_CHECKING:
     import pyarrow
 
-Array = NDArray[np.float64]
 
 #: C17's noise of the measured velocities and disturbance of their rates; both per unit of frequency.
 MEASUREMENT_NOISE, DISTURBANCE = 1e-5, 1e-4

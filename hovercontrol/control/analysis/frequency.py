@@ -11,6 +11,7 @@ import control
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.pyplot import open_in_pyplot
 from hovercontrol.control.analysis.loop_gain import (
@@ -27,8 +28,6 @@ from hovercontrol.control.analysis.margins import Margins
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-Array = NDArray[np.float64]
 
 
 @checked

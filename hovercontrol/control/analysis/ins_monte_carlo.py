@@ -10,16 +10,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.integrate import cumulative_trapezoid
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.short_repr import short_repr
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.simulation.sampled import SampledFilter
 from hovercontrol.control.observers.ins.noise import SensorErrors
 from hovercontrol.craft.hardware.sensors.beacons import Beacons
-
-Array = NDArray[np.float64]
 
 #: Integration steps of the true motion per tick.
 FINE = 20

@@ -14,10 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 import sympy as sp
 from matplotlib.figure import Figure
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.optimize import minimize_scalar
 
 from hovercontrol.base.arguments import as_row, at_least
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.figure_style import BLUE, VERMILION
 from hovercontrol.base.pyplot import open_in_pyplot
@@ -35,8 +36,6 @@ from hovercontrol.control.analysis.normal_form import (
     symbol,
 )
 from hovercontrol.craft.models.model import Model
-
-Array = NDArray[np.float64]
 
 #: The coefficients that C17 lets the controller take from the estimator, c1 to c6.
 DRAG = (

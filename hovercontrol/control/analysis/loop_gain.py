@@ -14,6 +14,7 @@ import control
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError
 from hovercontrol.blocks.backends.trim import Trim
@@ -22,7 +23,6 @@ from hovercontrol.control.analysis.cut_loop import CutLoop
 from hovercontrol.control.analysis.loop_modes import OutsideModes, split_loop, split_sampled
 from hovercontrol.control.analysis.margins import Margins, loop_margins, negative
 
-Array = NDArray[np.float64]
 Loop: TypeAlias = Block | Sequence[Block] | control.StateSpace | control.TransferFunction
 At: TypeAlias = ArrayLike | Mapping[str, float] | Trim | None
 Slope = Literal["smooth", "none", "describing"]

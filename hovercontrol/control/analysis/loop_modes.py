@@ -20,10 +20,9 @@ import scipy.linalg
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
+from hovercontrol.base.arrays import Array, Mask
 from hovercontrol.base.boundary import checked
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 System = tuple[Array, Array, Array]
 
 #: A rate below this part of the norm of the balanced A is 0: two integrators in a row, in other states, have

@@ -16,6 +16,7 @@ import sympy as sp
 from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.base.arguments import together
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError
 from hovercontrol.base.short_repr import short_repr
@@ -30,8 +31,6 @@ from hovercontrol.control.analysis.normal_form import (
 from hovercontrol.control.analysis.regions import as_numbers
 from hovercontrol.craft.models.model import Model
 from hovercontrol.craft.models.vehicles import c17_simulation
-
-Array = NDArray[np.float64]
 
 #: beta stays this share inside the interval where V is only just definite at its end.
 INSIDE = 1e-6

@@ -14,9 +14,10 @@ from typing import TYPE_CHECKING, Literal
 
 import control
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.optimize import minimize_scalar
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError, check_known
 from hovercontrol.base.pyplot import open_in_pyplot
@@ -30,7 +31,6 @@ from hovercontrol.control.analysis.loop_modes import OutsideModes, split_loop, s
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 ALL_DECAY = OutsideModes()
 
 #: Units of the margins; 1 is a factor.

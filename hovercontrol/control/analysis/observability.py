@@ -18,9 +18,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.integrate import cumulative_trapezoid
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError
 from hovercontrol.base.pyplot import open_in_pyplot
@@ -31,8 +32,6 @@ from hovercontrol.control.analysis.excitation import mean_weights
 from hovercontrol.control.observers.observable_subspace import readable
 from hovercontrol.control.observers.regression import regression
 from hovercontrol.control.observers.regressors import Regressors
-
-Array = NDArray[np.float64]
 
 #: Eigenvalues below this share of the largest are zero: neither solvers nor sensors give signals to
 #: better than 1e-6, and W has them squared.

@@ -17,10 +17,11 @@ from typing import Literal
 
 import control
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
 from hovercontrol.base.arguments import as_row, at_least
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError, check_known
 from hovercontrol.base.short_repr import short_repr
@@ -29,7 +30,6 @@ from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.linear_systems import over_period
 from hovercontrol.control.analysis.cut_loop import CutLoop, Point
 
-Array = NDArray[np.float64]
 Lost = Literal["hold", "zero"]
 
 #: Step of the loss probability in which a critical one is looked for.

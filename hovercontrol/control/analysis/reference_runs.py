@@ -9,8 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.errors import InputError
 from hovercontrol.base.tables import number, positive
 from hovercontrol.blocks.block import Block
@@ -20,8 +21,6 @@ from hovercontrol.control.controllers import tracking_controller
 from hovercontrol.control.observers import kalman_bucy
 from hovercontrol.control.observers.regression import regression
 from hovercontrol.craft.models.model import Model
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

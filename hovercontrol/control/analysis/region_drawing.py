@@ -12,9 +12,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
-from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
+from hovercontrol.base.arrays import Array, Mask
 from hovercontrol.base.errors import InputError
 from hovercontrol.base.figure_style import BLACK, BLUE, COLOUR_MAP, GREEN, PURPLE, SKY, VERMILION
 
@@ -23,8 +23,6 @@ if TYPE_CHECKING:
 
     from hovercontrol.control.analysis.regions import Region
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 #: How areas look: the first is filled, the second hatched, the others are outlines.
 LOOKS: tuple[dict[str, Any], ...] = (

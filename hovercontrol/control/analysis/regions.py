@@ -14,6 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.boundary import as_user, checked
 from hovercontrol.base.errors import InputError, check_known
 from hovercontrol.base.figure_style import figure_style
@@ -28,8 +29,6 @@ from hovercontrol.control.analysis.region_drawing import draw_region
 
 if TYPE_CHECKING:
     import pyarrow
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

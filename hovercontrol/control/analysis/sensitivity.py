@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import minimize_scalar
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.pyplot import open_in_pyplot
 from hovercontrol.control.analysis.loop_gain import (
@@ -35,8 +36,6 @@ from hovercontrol.control.analysis.margins import Margins
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-Array = NDArray[np.float64]
 
 
 @checked

@@ -18,8 +18,6 @@ from hovercontrol.control.analysis.regions import Region, axis
 from hovercontrol.control.controllers import tracking_controller
 from hovercontrol.craft.models.model import Model
 
-Array = NDArray[np.float64]
-
 #: Weaves that pass before the mean is taken, and the step of simulations and samples [s].
 SETTLING, STEP = 3, 0.02
 

@@ -6,11 +6,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.blocks.simulation.response import Response
-
-Array = NDArray[np.float64]
 
 #: A reference is reached if the error is within this share of the first one, as for a settling time; and it
 #: comes no closer if the error falls by less than this share of what it fell so far in a quarter of the run.

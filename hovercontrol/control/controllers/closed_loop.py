@@ -5,16 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from hovercontrol.base.arguments import whole_periods
+from hovercontrol.base.arrays import Array
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.functions import numpy_functions
 from hovercontrol.blocks.simulation.given import initial_state
 from hovercontrol.blocks.simulation.trajectory import time_response
 from hovercontrol.control.controllers.approach import ControlledResponse
 
-Array = NDArray[np.float64]
 Start = Mapping[str, float] | ArrayLike | None
 
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.errors import InputError, check_known, did_you_mean
 from hovercontrol.blocks.backends.friction_slopes import Point, Slope
 from hovercontrol.blocks.block import Block
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 
     from hovercontrol.blocks.backends.trim import Trim
 
-Array = NDArray[np.float64]
 
 #: Largest rate of a state that counts as zero [its unit/s, or per step]: trims are solved to about 1e-9.
 STEADY = 1e-5

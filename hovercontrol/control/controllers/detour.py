@@ -5,11 +5,9 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.errors import InputError
-
-Array = NDArray[np.float64]
 
 #: Angle between two points of an arc [rad], and how often a way is bent around further obstacles.
 PIECE, DEPTH = np.deg2rad(5.0), 6

@@ -7,16 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 import sympy as sp
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.sgn import sgn
 from hovercontrol.blocks.signals import Signal, suffixed, within_name
 from hovercontrol.blocks.units import dimension, unit_text
 from hovercontrol.control.controllers.design import Design, Measured
 from hovercontrol.control.controllers.limits import applied_signal, limited
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -10,14 +10,12 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.errors import InputError
 from hovercontrol.blocks.functions import numpy_functions
 from hovercontrol.control.controllers.shooting import Stage
 from hovercontrol.control.controllers.time_optimal import SOLVED, Ends, Plan, solve
-
-Array = NDArray[np.float64]
 
 #: Most steps that are tried.
 MOST = 1024

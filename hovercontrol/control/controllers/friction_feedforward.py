@@ -7,16 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 import sympy as sp
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.errors import InputError
 from hovercontrol.blocks.backends.friction_slopes import Point
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.friction import dry_frictions
 from hovercontrol.blocks.functions import array_function
 from hovercontrol.blocks.sgn import sgn
-
-Array = NDArray[np.float64]
 
 #: A state is at rest if its velocity is below this many smoothing widths.
 AT_REST = 3.0

@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cholesky
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError
 from hovercontrol.base.tables import positive
@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     import control
 
     from hovercontrol.blocks.backends.trim import Trim
-
-Array = NDArray[np.float64]
 
 
 @checked

@@ -7,9 +7,10 @@ from dataclasses import dataclass, field
 
 import control
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from hovercontrol.base.arguments import at_least
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError
 from hovercontrol.base.short_repr import short_repr
@@ -17,8 +18,6 @@ from hovercontrol.base.tables import finite
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.functions import numpy_functions
 from hovercontrol.control.controllers.references import from_pieces
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

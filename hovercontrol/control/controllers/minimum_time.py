@@ -9,9 +9,10 @@ from functools import partial
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from hovercontrol.base.arguments import at_least
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError, check_known
 from hovercontrol.base.tables import finite, positive
@@ -30,8 +31,6 @@ from hovercontrol.control.controllers.prediction_arguments import (
 from hovercontrol.control.controllers.shooting import Stage
 from hovercontrol.control.controllers.time_optimal import SOLVED, Ends, Plan, refined, solve
 from hovercontrol.craft.models.interface import AnyModel
-
-Array = NDArray[np.float64]
 
 #: Durations that the search begins with if none is given [s].
 GUESSES = (3.0, 15.0)

@@ -8,11 +8,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.caller import caller_level
 from hovercontrol.base.errors import InputError
 from hovercontrol.blocks.linear_systems import growth
-
-Array = NDArray[np.float64]
 
 #: Smallest singular value of ``[A - s I, B]``, relative to the size of ``[A, B]``, that counts as full rank.
 RANK = 1e-9

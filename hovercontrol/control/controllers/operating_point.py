@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.blocks.backends.friction_slopes import Point, Slope
 from hovercontrol.blocks.backends.trim_conditions import with_rates
 from hovercontrol.blocks.block import Block
@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     import control
 
     from hovercontrol.blocks.backends.trim import Trim
-
-Array = NDArray[np.float64]
 
 
 def point_of(plant: Block, trim: Trim | control.OperatingPoint | Mapping[str, float]) -> Point:

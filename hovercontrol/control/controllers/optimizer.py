@@ -10,12 +10,11 @@ from __future__ import annotations
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.blocks.backends.casadi import import_casadi
 from hovercontrol.control.controllers.shooting import Problem
 
-Array = NDArray[np.float64]
 Solver = Literal["rti", "ipopt"]
 
 #: Absolute and relative tolerance of OSQP on the residuals of a quadratic program.

@@ -18,15 +18,13 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.errors import InputError
 from hovercontrol.blocks.constant_inputs import constant_inputs, directions
 from hovercontrol.blocks.singular import finite_jacobian
 from hovercontrol.control.controllers.optimizer import TOLERANCE, Optimizer, UnsolvedError
 from hovercontrol.control.controllers.shooting import Problem, Stage
-
-Array = NDArray[np.float64]
 
 #: Points between a plan and the solver's, as fractions of the way to the solver's, if that one costs more.
 LINE = 0.5 ** np.arange(1, 6)

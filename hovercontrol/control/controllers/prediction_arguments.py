@@ -6,9 +6,10 @@ import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from hovercontrol.base.arguments import at_least, whole_periods
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.errors import InputError, check_known, did_you_mean
 from hovercontrol.base.tables import finite
 from hovercontrol.blocks.block import Block
@@ -16,7 +17,6 @@ from hovercontrol.blocks.functions import numpy_functions
 from hovercontrol.control.controllers.shooting import Stage
 from hovercontrol.craft.models.interface import AnyModel
 
-Array = NDArray[np.float64]
 Limits = Mapping[str, tuple[float, float]]
 Circles = Sequence[tuple[float, float, float]]
 

@@ -13,9 +13,10 @@ from functools import cached_property
 
 import numpy as np
 from control import NonlinearIOSystem, nlsys
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from hovercontrol.base.arguments import as_row, at_least
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.caller import caller_level
 from hovercontrol.base.errors import InputError, check_known
@@ -32,8 +33,6 @@ from hovercontrol.control.controllers.optimizer import TOLERANCE, Memory, Optimi
 from hovercontrol.control.controllers.plans import Planner, Sample
 from hovercontrol.control.controllers.shooting import Stage, transcribe
 from hovercontrol.control.controllers.way_reference import WayReference
-
-Array = NDArray[np.float64]
 
 
 class MPC:

@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.errors import InputError
 from hovercontrol.blocks.linear_systems import growth
-
-Array = NDArray[np.float64]
 
 #: Smallest entry of A, relative to the largest, that counts as a dependence: trims are solved to about 1e-9.
 DEPENDS = 1e-12

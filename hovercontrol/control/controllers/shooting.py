@@ -22,10 +22,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.blocks.backends.casadi import import_casadi
 from hovercontrol.blocks.block import Block
 
-Array = NDArray[np.float64]
 Places = NDArray[np.intp]
 
 #: Linear and quadratic weight of a slack [1/unit, 1/unit^2]. The linear one is larger than the multipliers of

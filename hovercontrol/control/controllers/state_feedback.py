@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import place_poles
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError
 from hovercontrol.blocks.backends.friction_slopes import Slope
@@ -26,8 +27,6 @@ if TYPE_CHECKING:
     import control
 
     from hovercontrol.blocks.backends.trim import Trim
-
-Array = NDArray[np.float64]
 
 
 @checked

@@ -22,11 +22,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.blocks.constant_inputs import constant_inputs
 from hovercontrol.control.controllers.prediction_arguments import substeps_of
 from hovercontrol.control.controllers.shooting import Stage
 
-Array = NDArray[np.float64]
 #: Whether it occurs after each step; given states, shape (n_constants, n_points + 1, n_states), and the step.
 Event = Callable[[Array, float], NDArray[np.bool_]]
 

@@ -19,12 +19,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.blocks.backends.casadi import import_casadi
 from hovercontrol.control.controllers.shooting import Stage
-
-Array = NDArray[np.float64]
 
 #: Cost of a change of an input over all its range [s].
 CHANGE = 1e-4

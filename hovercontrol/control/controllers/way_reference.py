@@ -5,12 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.control.controllers.detour import Way, way_around
 from hovercontrol.control.controllers.shooting import Stage
-
-Array = NDArray[np.float64]
 
 #: Least length of the way ahead that is searched for the point nearest to the craft [m], and in periods.
 SEARCH = 0.25, 5

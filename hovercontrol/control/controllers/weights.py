@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.errors import InputError, check_known
 from hovercontrol.base.tables import finite, positive
-
-Array = NDArray[np.float64]
 
 #: Weights by name, one for all, a diagonal or a matrix.
 Weights = Mapping[str, float] | ArrayLike

@@ -15,10 +15,11 @@ from typing import Any
 
 import control.optimal
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.optimize import LinearConstraint, NonlinearConstraint
 
 from hovercontrol.base.arguments import at_least
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError, check_known, shown
 from hovercontrol.base.tables import positive
@@ -29,8 +30,6 @@ from hovercontrol.control.observers.observed import Observed, observed, plant_of
 from hovercontrol.control.observers.one_step import over_one_step
 from hovercontrol.control.observers.propagation import steps_between
 from hovercontrol.craft.models.interface import AnyModel
-
-Array = NDArray[np.float64]
 
 
 class MovingHorizon(control.optimal.OptimalEstimationProblem):

@@ -20,8 +20,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.caller import caller_level
 from hovercontrol.base.errors import InputError, check_known, shown
@@ -37,8 +38,6 @@ from hovercontrol.control.observers.observable_subspace import (
 )
 from hovercontrol.control.observers.observed import measured_expressions, measured_signals, plant_of
 from hovercontrol.craft.models.interface import AnyModel
-
-Array = NDArray[np.float64]
 
 #: Components below this share of a direction's largest component are omitted from its text.
 MINOR = 2e-2

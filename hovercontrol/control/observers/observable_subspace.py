@@ -6,9 +6,8 @@ import math
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from hovercontrol.base.arrays import Array
 
 #: Relative size below which a singular value counts as zero. Jacobians are exact to rounding, 1e-16, but the
 #: bases of subspaces lose some digits.

@@ -5,17 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from hovercontrol.base.arguments import as_row
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError, did_you_mean
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.functions import call_scalar, numpy_functions
 from hovercontrol.blocks.signals import Signal, time
 from hovercontrol.control.observers.regression import Regression
-
-Array = NDArray[np.float64]
 
 
 @checked

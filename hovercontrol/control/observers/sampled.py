@@ -11,8 +11,9 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError
 from hovercontrol.blocks.block import Block
@@ -21,7 +22,6 @@ from hovercontrol.control.observers.regression import regression
 from hovercontrol.control.observers.regressors import Regressors
 from hovercontrol.control.observers.sampled_step import Plain, begun, corrected, predicted, rates
 
-Array = NDArray[np.float64]
 _PLAIN = Plain()
 
 

@@ -7,12 +7,10 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.blocks.block import Block
 from hovercontrol.documents.printed import rebuilds
-
-Array = NDArray[np.float64]
 
 
 def craft(psi: float = 0.5, arm: float = 0.14, control_point: float = 0.2, rudder: float = 0.4) -> Figure:

@@ -10,8 +10,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure, SubFigure
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.figure_style import COLOUR_MAP
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.interconnect import interconnect
@@ -38,8 +38,6 @@ from hovercontrol.documents.printed import rebuilds
 
 #: Angular rates of the ellipses that are tried [rad/s].
 RATES = (0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
-
-Array = NDArray[np.float64]
 
 
 def main(out: Path, progress: Progress = quiet, *, points: int = 24) -> list[Path]:

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.tables import positive
 from hovercontrol.control.analysis.loops import initial_errors, tracking_loop
@@ -19,8 +19,6 @@ from hovercontrol.control.analysis.output import Progress, quiet, save
 from hovercontrol.control.analysis.regions import Region, mesh, positive_axis, subfolder, sweep_map
 from hovercontrol.craft.models.model import Model
 from hovercontrol.craft.models.vehicles import c17_experiment, c17_simulation
-
-Array = NDArray[np.float64]
 
 #: Where the simulated loops begin: at rest but for 1 m/s of surge, 1 m inside C17's ellipse.
 START = {"plant.y": 1.5, "plant.u": 1.0}

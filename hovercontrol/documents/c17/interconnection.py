@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from hovercontrol.base.arguments import at_least
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError
 from hovercontrol.base.tables import positive
@@ -26,8 +26,6 @@ from hovercontrol.control.analysis.output import Progress, part, quiet, save
 from hovercontrol.control.analysis.regions import Axis, Region, axis, refuse_large
 from hovercontrol.craft.models.model import Model
 from hovercontrol.craft.models.vehicles import c17_experiment, c17_simulation
-
-Array = NDArray[np.float64]
 
 #: C17's estimator. States are measured, so that they start at their steady variance (Q R)^(1/2).
 ESTIMATOR = {"R": 1e-5, "Q": [1e-4] * 3 + [1e-2] * 6, "P0": [3e-5] * 3 + [1e-2] * 6}

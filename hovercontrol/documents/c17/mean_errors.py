@@ -6,8 +6,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 import sympy as sp
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.errors import InputError
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.interconnect import interconnect
@@ -17,8 +18,6 @@ from hovercontrol.documents.scenarios.definition import Metric
 from hovercontrol.documents.scenarios.parts import loop_parts
 from hovercontrol.documents.scenarios.sampling import sampled_loop
 from hovercontrol.documents.scenarios.varied import swept_phases
-
-Array = NDArray[np.float64]
 
 
 def mean_errors(scenario: Scenario, given: Mapping[str, ArrayLike]) -> Array:

@@ -6,15 +6,9 @@ from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
 from hovercontrol.documents.printed import Measure
 from hovercontrol.documents.scenarios import Run, load_scenario, run_scenario
 from hovercontrol.documents.scenarios.figures import figures
-
-Array = NDArray[np.float64]
-
 
 VELOCITIES = {"u": "m/s", "v": "m/s", "r": "rad/s"}
 

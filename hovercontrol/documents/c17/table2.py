@@ -10,15 +10,14 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.short_repr import short_repr
 from hovercontrol.control.analysis.output import Progress, quiet, save
 from hovercontrol.documents.c17.mean_errors import mean_errors
 from hovercontrol.documents.printed import printed
 from hovercontrol.documents.scenarios import Scenario, load_scenario
-
-Array = NDArray[np.float64]
 
 #: The error that the paper states with the estimator on [m].
 PRINTED = printed("c17", "table 2")["mean error, estimator on"].value

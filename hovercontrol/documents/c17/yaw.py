@@ -8,16 +8,14 @@ from functools import lru_cache
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.errors import InputError
 from hovercontrol.blocks.interconnect import interconnect
 from hovercontrol.control.analysis.loops import on_reference
 from hovercontrol.control.controllers import tracking_controller
 from hovercontrol.control.controllers.references import ellipse
 from hovercontrol.craft.models.vehicles import c17_experiment
-
-Array = NDArray[np.float64]
 
 #: Of the experiment's reference [s].
 LAP = 2 * math.pi / 0.7

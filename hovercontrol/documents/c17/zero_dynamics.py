@@ -13,6 +13,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError
 from hovercontrol.base.tables import number, positive
@@ -24,8 +25,6 @@ from hovercontrol.control.analysis.zero_dynamics import predict, theorem_4_margi
 from hovercontrol.craft.models.model import Model
 from hovercontrol.craft.models.vehicles import c17_experiment, c17_simulation
 from hovercontrol.documents.printed import rebuilds
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

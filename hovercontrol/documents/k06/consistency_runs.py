@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.blocks.block import Block
 from hovercontrol.control.analysis.ins_monte_carlo import (
-    Array,
     course,
     covariance,
     estimation_errors,

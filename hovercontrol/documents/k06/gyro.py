@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.blocks.backends.compiled import CompiledBlock
 from hovercontrol.blocks.interconnect import interconnect
 from hovercontrol.control.analysis.output import Progress, quiet, save
@@ -19,8 +20,6 @@ from hovercontrol.craft.hardware.sensors import gyro_compensation, gyro_dynamics
 from hovercontrol.documents.k06.bench.blocks import gyro_chain
 from hovercontrol.documents.k06.bench.runs import ticks
 from hovercontrol.documents.printed import rebuilds
-
-Array = NDArray[np.float64]
 
 #: Table 6.5: frequency [Hz], uncompensated gain and phase [rad], compensated gain and phase, dt [ms].
 TABLE_6_5 = np.array(

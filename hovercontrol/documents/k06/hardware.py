@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import sympy as sp
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from hovercontrol.craft.hardware.actuators import (
     fan_tables,
@@ -23,8 +22,6 @@ from hovercontrol.craft.hardware.sensors import corrected_range, k06_cricket
 from hovercontrol.craft.hardware.sensors.cone import K06_CONE
 from hovercontrol.craft.models.vehicles import HOVERDEMON_BODY, hoverdemon
 from hovercontrol.documents.printed import rebuilds
-
-Array = NDArray[np.float64]
 
 #: Table 4.2: rudder, hovercraft angle [deg], force, F_Y [N], yaw acceleration [rad/s^2], inertia [kg*m^2].
 TABLE_4_2 = ((-20.0, 14.6, 1.1, -0.28, 0.9412, 0.0952), (25.0, -17.4, 1.05, 0.31, -1.026, 0.0967))

@@ -10,6 +10,7 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.errors import InputError
 from hovercontrol.base.tables import number
 from hovercontrol.blocks.block import Block
@@ -25,8 +26,6 @@ from hovercontrol.craft.hardware.links import bluetooth_delays
 from hovercontrol.craft.models.motion import MOTION
 from hovercontrol.craft.models.vehicles import HOVERDEMON_BODY, hoverdemon
 from hovercontrol.documents.scenarios import load_scenario
-
-Array = NDArray[np.float64]
 
 #: Mean round trip of K06's link, table 5.1 [s].
 ROUND_TRIP = bluetooth_delays("linksys_22.0_round_trip").mean

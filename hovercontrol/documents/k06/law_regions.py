@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError
 from hovercontrol.base.tables import positive
@@ -34,8 +35,6 @@ from hovercontrol.documents.k06.law_loop import (
     linearly_stable,
     trial_numbers,
 )
-
-Array = NDArray[np.float64]
 
 #: Initial (u, v, r) of the simulations [m/s, m/s, rad/s]; the other signs of v and r are mirror images.
 STARTS = ((0.0, 0.5, 2.0), (0.0, -0.5, 2.0), (0.0, 0.05, 0.0))

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from hovercontrol import interconnect, tracking_controller, vehicle
+from hovercontrol.base.arrays import Array
 from hovercontrol.blocks.block import Block
 from hovercontrol.control.analysis.loops import c17_ellipse, on_reference
 from hovercontrol.control.analysis.margins import FrozenMargins, Margins, margins, margins_along
@@ -18,8 +18,6 @@ from hovercontrol.control.analysis.output import Progress, quiet, save
 from hovercontrol.control.analysis.packet_loss import Lost, packet_loop
 from hovercontrol.control.controllers.k06 import forward, setpoints
 from hovercontrol.documents.k06.law_loop import ROUND_TRIP, force_craft, trial_numbers
-
-Array = NDArray[np.float64]
 
 #: K06 table 6.2: gains [kg/s] and reference of the surge velocity [m/s].
 K1, K2, SURGE = (trial_numbers("forward")[name] for name in ("k1", "k2", "surge_ref"))

@@ -11,17 +11,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.simulation.sampled import SampledFilter
-from hovercontrol.control.analysis.ins_monte_carlo import (
-    Array,
-    Course,
-    course,
-    inputs_of,
-    ranged,
-    sensed,
-    started,
-)
+from hovercontrol.control.analysis.ins_monte_carlo import Course, course, inputs_of, ranged, sensed, started
 from hovercontrol.control.analysis.output import Progress, quiet, save
 from hovercontrol.control.observers.ins import (
     IMU_PERIOD,

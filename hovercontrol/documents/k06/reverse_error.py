@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.errors import InputError
 from hovercontrol.base.short_repr import short_repr
 from hovercontrol.blocks.block import Block
@@ -31,8 +31,6 @@ from hovercontrol.documents.scenarios.parts import loop_parts
 from hovercontrol.documents.scenarios.real import real_loop
 from hovercontrol.documents.scenarios.trials import run_seeds
 from hovercontrol.identification.diagnose import diagnose
-
-Array = NDArray[np.float64]
 
 #: References astern [m/s]: that of table 6.3, and a slower one ("regardless of the selected reference").
 ASTERN = (-0.76, -0.5)

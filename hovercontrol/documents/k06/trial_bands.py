@@ -10,15 +10,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.errors import InputError, did_you_mean
 from hovercontrol.control.analysis.output import Progress, part, quiet, save
 from hovercontrol.documents.printed import printed
 from hovercontrol.documents.scenarios import load_scenario
 from hovercontrol.documents.scenarios.trials import trial_metrics
-
-Array = NDArray[np.float64]
 
 
 class Asked(NamedTuple):

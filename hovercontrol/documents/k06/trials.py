@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.documents.item import Printed
 from hovercontrol.documents.k06.reverse_error import ASTERN, NOISES, SUSPECTS, steady_errors
 from hovercontrol.documents.printed import Measure, printed, rebuilds
@@ -21,8 +21,6 @@ from hovercontrol.documents.scenarios.figures import figures
 from hovercontrol.documents.scenarios.measures import measure
 from hovercontrol.documents.scenarios.real_figures import comparison, within_a_turn
 from hovercontrol.documents.scenarios.trials import run_trial
-
-Array = NDArray[np.float64]
 
 #: Seeds of each trial. One run more, K06's, lies between the least and the largest of 39 with probability
 #: 38/40 = 95 %. Times and means are medians over them. The test of an axis is this range, not the median: by

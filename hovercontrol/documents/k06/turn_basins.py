@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError, check_known
 from hovercontrol.base.tables import number, positive
@@ -34,7 +35,6 @@ from hovercontrol.control.controllers.k06.energy import entry_energy, kinetic_en
 from hovercontrol.craft.models.vehicles import HOVERDEMON_BODY, Body
 from hovercontrol.documents.k06.law_loop import TURNING, turn_loop
 
-Array = NDArray[np.float64]
 Plane = Mapping[str, tuple[float, float]]
 
 #: A run that ends within this distance of the unwanted limit point is on its slow manifold [m/s].

@@ -7,16 +7,14 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.errors import InputError
 from hovercontrol.control.analysis.output import Progress, quiet, save
 from hovercontrol.craft.hardware.actuators import VariablePitch, fan_force
 from hovercontrol.craft.hardware.actuators.k06 import HIGHEST_SPEED
 from hovercontrol.documents.scenarios import Scenario, load_scenario
 from hovercontrol.documents.scenarios.trials import run_trial
-
-Array = NDArray[np.float64]
 
 TRIALS = ("halt", "stop", "forward", "reverse", "turn", "heading-bangbang-rest", "heading-proportional-rest")
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.figure_style import BLUE
 from hovercontrol.base.pyplot import open_in_pyplot
 from hovercontrol.base.short_repr import short_repr
@@ -18,8 +18,6 @@ from hovercontrol.documents.scenarios import Scenario
 from hovercontrol.documents.scenarios.parts import loop_parts, phase_parameters
 from hovercontrol.documents.scenarios.real import real_loop
 from hovercontrol.documents.scenarios.trials import need_trial
-
-Array = NDArray[np.float64]
 
 #: Groups of imperfections, whose cost is computed too.
 GROUPS: dict[str, tuple[str, ...]] = {

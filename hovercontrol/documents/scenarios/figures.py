@@ -6,10 +6,9 @@ import inspect
 import math
 from typing import TYPE_CHECKING
 
-import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.figure_style import figure_style
 from hovercontrol.control.controllers.references import REFERENCES
 from hovercontrol.documents.scenarios.law_figures import law_figures
@@ -19,7 +18,6 @@ from hovercontrol.documents.scenarios.time_axes import in_time, own_loop, time_f
 if TYPE_CHECKING:
     from hovercontrol.documents.scenarios.result import Run
 
-Array = NDArray[np.float64]
 
 #: Legend names of coefficients that share the name of a signal.
 CALLED = {name: f"{name} coefficient" for name in ("thrust", "rudder_torque")}

@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.errors import InputError, did_you_mean
 from hovercontrol.base.text_table import aligned
 from hovercontrol.blocks.signals import Signal
@@ -23,8 +23,6 @@ from hovercontrol.fmi.replay.runs import RunFailed
 from hovercontrol.fmi.replay.step_length import accurate
 from hovercontrol.fmi.replay.unknowns import Unknowns
 from hovercontrol.logs.log import Log
-
-Array = NDArray[np.float64]
 
 #: Iterations in which the states at the first row are estimated.
 ITERATIONS = 10

@@ -10,8 +10,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.errors import InputError
 from hovercontrol.blocks.backends.checkpoint import Checkpoint
 from hovercontrol.blocks.backends.sweep import FIGURES, WORKER_FAILED, SweepResult
@@ -20,8 +20,6 @@ from hovercontrol.documents.scenarios.varied import PART, Variable, Varied, vari
 from hovercontrol.fmi.replay.plant import FmuPlant
 from hovercontrol.fmi.replay.runs import RunFailed
 from hovercontrol.logs.log import Log
-
-Array = NDArray[np.float64]
 
 #: Band of the settling time, in each output's unit; runs that a file of the checkpoint has.
 BAND, TOGETHER = 0.02, 64

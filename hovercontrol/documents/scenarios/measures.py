@@ -7,12 +7,12 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+
+from hovercontrol.base.arrays import Array
 
 if TYPE_CHECKING:
     from hovercontrol.documents.scenarios.definition import Metric
 
-Array = NDArray[np.float64]
 
 #: The plain statistics by name.
 _PLAIN: dict[str, Callable[[Array], float]] = {

@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.boundary import checked
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.friction import Friction
 from hovercontrol.documents.scenarios.definition import Phase, Scenario
-
-Array = NDArray[np.float64]
 
 #: Times that differ by less are the same [s].
 SAME = 1e-9

@@ -5,16 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
+
+from hovercontrol.base.arrays import Array
 
 if TYPE_CHECKING:
     from hovercontrol.documents.scenarios.result import Run
 
-
-Array = NDArray[np.float64]
 
 #: So many letters of a title fit in an inch.
 TITLE_LETTERS_PER_INCH = 11

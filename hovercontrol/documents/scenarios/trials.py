@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.errors import InputError
 from hovercontrol.blocks.block import Block
 from hovercontrol.control.autopilot import seeds
@@ -15,8 +15,6 @@ from hovercontrol.documents.scenarios.definition import Autopilot
 from hovercontrol.documents.scenarios.measures import measure
 from hovercontrol.documents.scenarios.parts import loop_parts, phase_parameters
 from hovercontrol.documents.scenarios.real import real_loop
-
-Array = NDArray[np.float64]
 
 
 def run_trial(

@@ -11,8 +11,8 @@ from typing import Protocol
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError, check_known
 from hovercontrol.base.folders import write_folder
@@ -28,8 +28,6 @@ from hovercontrol.documents.scenarios.parts import loop_parts, phase_parameters
 from hovercontrol.documents.scenarios.phases import EARLY, held, held_commands, phase_grid
 from hovercontrol.documents.scenarios.sampling import sampled_loop
 from hovercontrol.logs import Log
-
-Array = NDArray[np.float64]
 
 #: Most runs: a picture with more points shows no more.
 MAX_RUNS = 1_000_000

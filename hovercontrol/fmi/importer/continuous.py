@@ -10,14 +10,12 @@ from pathlib import Path
 from typing import NamedTuple, NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.fmi.importer.access import Some
 from hovercontrol.fmi.importer.instance import MOST_UPDATES, STATUS, FmuError, Instance
 from hovercontrol.fmi.importer.interface import Interface, Variable
 from hovercontrol.fmi.importer.point import Read, all_doubles, point_of
-
-Array = NDArray[np.float64]
 
 
 class Event(NamedTuple):

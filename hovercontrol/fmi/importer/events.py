@@ -15,6 +15,7 @@ import scipy.integrate
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.errors import InputError, check_known
 from hovercontrol.blocks.simulation.given import checked_times
 from hovercontrol.fmi.importer.continuous import Continuous
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
     from hovercontrol.blocks.simulation.response import Response
     from hovercontrol.fmi.importer.model import FmuModel
 
-Array = NDArray[np.float64]
 
 METHODS = ("DOP853", "RK45", "Radau", "BDF", "LSODA")
 #: Most events without progress in time.

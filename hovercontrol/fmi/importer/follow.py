@@ -19,10 +19,10 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.errors import InputError
 from hovercontrol.fmi.importer.instance import Engine, FmuError, RunEnded
 
-Array = NDArray[np.float64]
 Parameters = tuple[float | None, ...]
 
 #: Points that can be returned to; python-control itself goes back one.

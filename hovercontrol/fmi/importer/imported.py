@@ -12,8 +12,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import control
-import numpy as np
-from numpy.typing import NDArray
 
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError
@@ -27,8 +25,6 @@ from hovercontrol.fmi.importer.values import (
 
 if TYPE_CHECKING:
     from hovercontrol.fmi.importer.model import FmuModel
-
-Array = NDArray[np.float64]
 
 
 @checked

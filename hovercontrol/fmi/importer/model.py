@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import control
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.errors import InputError
 from hovercontrol.blocks.backends.linear import state_space
 from hovercontrol.fmi.importer.continuous import Continuous
@@ -21,7 +22,6 @@ from hovercontrol.fmi.importer.unpacked import Source, Unpacked
 if TYPE_CHECKING:
     from hovercontrol.blocks.simulation.response import Response
 
-Array = NDArray[np.float64]
 
 #: Step of central differences over the size of a value: the cube root of a double's precision.
 _DIFFERENCE = float(np.finfo(float).eps ** (1 / 3))

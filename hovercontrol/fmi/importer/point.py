@@ -14,13 +14,12 @@ from importlib import resources
 from typing import Any, NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.blocks.backends.compiler import NoCompilerError, load_library
 from hovercontrol.fmi.importer.instance import FmuError
 from hovercontrol.fmi.importer.interface import Interface, Variable
 
-Array = NDArray[np.float64]
 Read = Callable[[float, Array, Array], Array]
 
 DOUBLES = ("Real", "Float64")

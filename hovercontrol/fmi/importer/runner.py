@@ -11,8 +11,9 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.errors import InputError
 from hovercontrol.blocks.simulation.runner import Inputs, Runner, Snapshot
 from hovercontrol.fmi.importer.instance import Engine, FmuError, RunEnded
@@ -20,8 +21,6 @@ from hovercontrol.fmi.importer.instance import Engine, FmuError, RunEnded
 if TYPE_CHECKING:
     from hovercontrol.fmi.importer.system import FmuSystem
     from hovercontrol.fmi.importer.unpacked import Unpacked
-
-Array = NDArray[np.float64]
 
 
 class FmuRunner(Runner):

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.errors import InputError
 from hovercontrol.blocks.simulation.runner import Inputs
 from hovercontrol.fmi.importer.follow import Follower
@@ -22,8 +22,6 @@ from hovercontrol.fmi.importer.worker import Remote
 
 if TYPE_CHECKING:
     from hovercontrol.fmi.importer.runner import FmuRunner
-
-Array = NDArray[np.float64]
 
 
 class FmuSystem(Loaded):

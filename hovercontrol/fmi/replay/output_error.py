@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.errors import InputError
 from hovercontrol.fmi.replay.plant import FmuPlant
 from hovercontrol.fmi.replay.rows import Rows
@@ -28,8 +29,6 @@ from hovercontrol.fmi.replay.smoothed import smoothed
 from hovercontrol.fmi.replay.step_length import accurate
 from hovercontrol.fmi.replay.unknowns import Unknowns
 from hovercontrol.fmi.replay.whitening import MOST_ORDER, Whitening, whitening_of
-
-Array = NDArray[np.float64]
 
 #: First parts of the logs that are fitted before all rows: a long run from poor values is far from the log
 #: everywhere, and has local minima.

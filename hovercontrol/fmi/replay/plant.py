@@ -12,6 +12,7 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import check_known
 from hovercontrol.blocks.block import Block
@@ -24,8 +25,6 @@ from hovercontrol.fmi.replay.added import Added
 from hovercontrol.fmi.replay.parameters import Parameter, parameters_of
 from hovercontrol.fmi.replay.runs import RunFailed, Runs
 from hovercontrol.fmi.replay.signals import driven, through
-
-Array = NDArray[np.float64]
 
 #: Longest step of Model Exchange, and of Co-Simulation where the FMU names none [s].
 STEP = 0.01

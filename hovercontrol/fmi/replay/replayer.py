@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.blocks.backends.compiler import NoCompilerError, load_library
 from hovercontrol.fmi.importer.continuous import Continuous
 from hovercontrol.fmi.importer.instance import STATUS, FmuError, Instance, RunEnded
@@ -27,8 +28,6 @@ from hovercontrol.fmi.importer.interface import Interface
 from hovercontrol.fmi.importer.point import all_doubles, references
 from hovercontrol.fmi.importer.ticking import instance_of
 from hovercontrol.fmi.replay.added import Added
-
-Array = NDArray[np.float64]
 
 #: Most events in one step between two rows.
 MOST_EVENTS = 1000

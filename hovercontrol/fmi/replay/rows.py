@@ -7,14 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.errors import InputError, did_you_mean
 from hovercontrol.fmi.replay.plant import FmuPlant
 from hovercontrol.logs.log import Log
 from hovercontrol.logs.prepare import prepared
-
-Array = NDArray[np.float64]
 
 #: Rows farther apart than this many median distances get rows without measurement in between.
 GAP = 3.0

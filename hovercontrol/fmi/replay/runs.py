@@ -8,17 +8,13 @@ import weakref
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.errors import InputError
 from hovercontrol.fmi.importer.instance import FmuError
 from hovercontrol.fmi.importer.unpacked import Source
 from hovercontrol.fmi.importer.worker import Remote
 from hovercontrol.fmi.replay.added import Added
 from hovercontrol.fmi.replay.replayer import Replayer, array_of, text_of
-
-Array = NDArray[np.float64]
 
 
 class RunFailed(Exception):  # noqa: N818 - of one trial of a fit

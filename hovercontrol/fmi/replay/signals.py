@@ -12,11 +12,10 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.blocks.backends.follow import follow
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.delays import undelayed
-
-Array = NDArray[np.float64]
 
 #: The settling before the first row: number of steps, and ratio of each to the one before. The first is a
 #: mean time between rows; 48 steps are 29 000 of these.

@@ -23,12 +23,11 @@ import contextlib
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.fmi.replay.runs import RunFailed
 from hovercontrol.fmi.replay.unknowns import ROUGH_STEP, Unknowns
 
-Array = NDArray[np.float64]
 #: Whitened residuals of all logs at given values, one after another.
 Residuals = Callable[[Array], Array]
 

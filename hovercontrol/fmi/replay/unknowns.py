@@ -7,14 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.craft.effects import Effect, Shape
 from hovercontrol.fmi.replay.plant import FmuPlant
 from hovercontrol.fmi.replay.rows import Rows
 from hovercontrol.fmi.replay.runs import RunFailed
-
-Array = NDArray[np.float64]
 
 #: Relative step of differences: of an FMU that our steps integrate, and of one with its own solver, whose
 #: tolerance makes its outputs rough.

@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-Array = NDArray[np.float64]
+from hovercontrol.base.arrays import Array
 
 #: Largest order of the autoregression, and fewest samples for each of its coefficients.
 MOST_ORDER, SAMPLES = 12, 20

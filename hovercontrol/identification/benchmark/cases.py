@@ -13,6 +13,7 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError, check_known
 from hovercontrol.base.short_repr import short_repr
@@ -24,7 +25,6 @@ from hovercontrol.craft.models.model import Model
 from hovercontrol.identification.benchmark.machines import MACHINES, Machine
 from hovercontrol.logs import Log
 
-Array = NDArray[np.float64]
 Random = np.random.Generator
 
 #: ``usual`` measurement noise; ``noise`` three times as much; ``dirt`` 2 % outliers of 50 standard

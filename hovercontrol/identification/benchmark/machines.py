@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-import numpy as np
 import sympy as sp
-from numpy.typing import NDArray
 
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.signals import Signal
@@ -16,7 +14,6 @@ from hovercontrol.craft.models.blockmodel import BlockModel
 from hovercontrol.craft.models.model import Model
 from hovercontrol.craft.models.vehicles import four_fan
 
-Array = NDArray[np.float64]
 Range = tuple[float, float]
 
 

@@ -8,8 +8,8 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 import sympy as sp
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError
 from hovercontrol.base.short_repr import short_repr
@@ -18,8 +18,6 @@ from hovercontrol.blocks.sgn import regularise
 from hovercontrol.craft.models.interface import as_model
 from hovercontrol.identification.benchmark.answer import Answer, Term
 from hovercontrol.identification.benchmark.cases import NOTHING, Case, expression_of
-
-Array = NDArray[np.float64]
 
 #: Times ahead [s] of the predictions of the held-out motion, and how many start in a log.
 HORIZONS = (0.2, 1.0)

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 from warnings import catch_warnings
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError
 from hovercontrol.base.folders import write_folder
@@ -22,7 +23,7 @@ from hovercontrol.blocks.block import Block
 from hovercontrol.craft.models.blockmodel import BlockModel
 from hovercontrol.craft.models.interface import AnyModel, as_model
 from hovercontrol.fmi.replay.plant import FmuPlant
-from hovercontrol.identification.check.facts import Array, Column, LogFacts, Timing, facts
+from hovercontrol.identification.check.facts import Column, LogFacts, Timing, facts
 from hovercontrol.identification.diagnose.checks import check_fitted, check_logs, slow_rows
 from hovercontrol.identification.engine.measure import angles
 from hovercontrol.identification.engine.subject import Subject, structure, with_known_period

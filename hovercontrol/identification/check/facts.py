@@ -10,6 +10,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError
 from hovercontrol.base.short_repr import short_repr
@@ -23,8 +24,6 @@ from hovercontrol.logs.cross_checks import convention_faults
 from hovercontrol.logs.log import UNITS
 from hovercontrol.logs.prepare import prepared
 from hovercontrol.logs.scales import scale_faults
-
-Array = NDArray[np.float64]
 
 #: Number of rows searched for outliers at a time, and of rows added on either side as neighbours.
 PIECE, BESIDE = 1_000_000, 12

@@ -13,7 +13,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from hovercontrol.base.errors import InputError, check_known
@@ -43,8 +42,6 @@ from hovercontrol.identification.diagnose.search.rules import tests_of
 from hovercontrol.identification.diagnose.search.trace import Decision
 from hovercontrol.identification.diagnose.verdict import verdict
 from hovercontrol.logs.log import Log
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

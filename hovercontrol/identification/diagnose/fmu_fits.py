@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.craft.effects import Effect, Shape
 from hovercontrol.fmi.replay.candidates import Candidate
 from hovercontrol.fmi.replay.output_error import ITERATIONS, FmuFit, refine
@@ -18,8 +18,6 @@ from hovercontrol.fmi.replay.runs import RunFailed
 from hovercontrol.fmi.replay.unknowns import Unknowns, estimated
 from hovercontrol.identification.diagnose.evidence.blocks import Blocks, along, of_gain, scatter
 from hovercontrol.identification.engine.excitation import covariance
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

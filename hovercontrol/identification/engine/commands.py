@@ -13,15 +13,13 @@ from functools import lru_cache
 
 import numpy as np
 import sympy as sp
-from numpy.typing import NDArray
 from scipy.linalg import solve_banded
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.blocks.backends.follow import follow
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.sgn import regularise
 from hovercontrol.identification.engine.measure import Measured
-
-Array = NDArray[np.float64]
 
 #: Number of sets of parameters for which the input states of a log are cached.
 HELD = 2

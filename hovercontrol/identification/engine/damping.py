@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from hovercontrol.base.arrays import Array
 
 #: Smallest fraction of a step that is taken.
 LEAST = 0.2

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.blocks.block import Block
 from hovercontrol.identification.engine.drift import DriftStates, drift_states
 from hovercontrol.identification.engine.levels import noise_levels, noise_scales
@@ -19,8 +20,6 @@ from hovercontrol.identification.engine.subject import Subject, structure
 from hovercontrol.identification.engine.tempo import tempo_of
 from hovercontrol.identification.engine.ticks import on_ticks
 from hovercontrol.logs import Log
-
-Array = NDArray[np.float64]
 
 #: Maximum number of rows used of each log.
 MOST_ROWS = 60_000

@@ -10,13 +10,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.identification.engine.measure import Measured
 from hovercontrol.identification.engine.navigation import Navigated
 from hovercontrol.identification.engine.rows import Rows
-
-Array = NDArray[np.float64]
 
 #: Offset north, offset east, ramp north, ramp east.
 STATES = 4

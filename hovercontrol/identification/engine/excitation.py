@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import sympy as sp
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.derivatives import partial_derivatives
 from hovercontrol.blocks.signals import Signal
@@ -24,8 +24,6 @@ from hovercontrol.identification.engine.kalman import run_filter
 from hovercontrol.identification.engine.noise import augment
 from hovercontrol.identification.engine.passes import inverse
 from hovercontrol.identification.engine.step_control import controlled, deviations
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

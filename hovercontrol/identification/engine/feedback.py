@@ -8,14 +8,12 @@ used (Ljung, System Identification, 2nd ed. (1999), 13.4).
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.identification.engine.fit import Fit
 from hovercontrol.identification.engine.kalman import run_filter
 from hovercontrol.identification.engine.noise import augment
-
-Array = NDArray[np.float64]
 
 #: Number of innovations up to each row that predict an input, less one; number of its own values before. With
 #: few of these, innovations of an incomplete model would tell of the input what its older values tell.

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.identification.engine.damping import Damping, Relaxation
 from hovercontrol.identification.engine.kalman import run_filter, run_smoother
 from hovercontrol.identification.engine.noise import ONWARD, Noise, moved, timed
@@ -33,8 +34,6 @@ from hovercontrol.identification.engine.prior import Prior
 from hovercontrol.identification.engine.problem import Linear, Problem
 from hovercontrol.identification.engine.scoring import EXCESS, NO_LEVELS, Levels, excess, of_unknowns, scores
 from hovercontrol.identification.engine.step_control import controlled, deviations
-
-Array = NDArray[np.float64]
 
 #: Maximum number of passes that update the noise levels, and of passes afterwards.
 MOVING, STILL = 14, 8

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Complex
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError, shown
 from hovercontrol.logs.log import POSE, Floats, Log
@@ -24,7 +25,6 @@ from hovercontrol.logs.log import POSE, Floats, Log
 if TYPE_CHECKING:
     from hovercontrol.craft.models.base import EffectModel
 
-Complex = NDArray[np.complex128]
 
 #: Windows [s] over which motion is averaged, and delays [s] from command to motion that are tried.
 WINDOWS, LAGS = (0.2, 0.6), np.arange(0.0, 0.65, 0.05)

@@ -15,13 +15,10 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array, Mask
 from hovercontrol.base.short_repr import short_repr
 from hovercontrol.blocks.units import Dimension, dimension, unit_text
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 #: Largest exponent and number of members of a group that is looked for.
 HIGHEST, MEMBERS = 4, 4

@@ -5,15 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array, Indices
 from hovercontrol.blocks.block import Block
 from hovercontrol.identification.engine.commands import Arrival, by_trial, command_times, input_states
 from hovercontrol.identification.engine.measure import Measured
 from hovercontrol.identification.engine.subject import Subject, timing
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 
 class Inputs:

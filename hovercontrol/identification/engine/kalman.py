@@ -28,9 +28,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.identification.engine.kalman_compiled import compiled
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

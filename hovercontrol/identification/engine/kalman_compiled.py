@@ -9,16 +9,14 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.blocks.backends.background import InBackground
 from hovercontrol.blocks.backends.compiler import load_library
 from hovercontrol.blocks.backends.shoot import pool, threads
 
 if TYPE_CHECKING:
     from hovercontrol.identification.engine.kalman import Filtered, Smoothed, System
-
-Array = NDArray[np.float64]
 
 #: Most groups of columns of a system.
 GROUPS = 4

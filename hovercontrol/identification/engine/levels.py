@@ -8,10 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.errors import InputError
 from hovercontrol.identification.engine.measure import Measured, steps
-
-Array = NDArray[np.float64]
 
 #: Relative standard error of a noise level from the median of n third differences, times sqrt(n).
 LEVEL = 1.65

@@ -11,9 +11,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import sympy as sp
-from numpy.typing import NDArray
 
 from hovercontrol.base.arguments import at_least
+from hovercontrol.base.arrays import Array, Mask
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError
 from hovercontrol.base.short_repr import short_repr
@@ -21,9 +21,6 @@ from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.signals import Signal
 from hovercontrol.logs import POSE, VELOCITY, Log, Span, smooth_pose, steady
 from hovercontrol.logs.prepare import prepared
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 #: Maximum number of rows used of one log. More rows add little information and cost memory.
 MOST_ROWS = 60_000

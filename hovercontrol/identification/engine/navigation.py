@@ -12,15 +12,12 @@ from __future__ import annotations
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array, Indices
 from hovercontrol.blocks.block import Block
 from hovercontrol.identification.engine.measure import MOST_ROWS, Measured, measure, steps
 from hovercontrol.identification.engine.spikes import stand_out
 from hovercontrol.logs import POSE, VELOCITY, Log
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 
 @dataclass(frozen=True)

@@ -15,12 +15,11 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.identification.engine.damping import Damping
 from hovercontrol.identification.engine.drift import STATES
 from hovercontrol.identification.engine.kalman import Forces, Smoothed, System, run_filter
 from hovercontrol.identification.engine.problem import Linear, Problem
-
-Array = NDArray[np.float64]
 
 #: Initial correlation time of a missing acceleration, in rows.
 FIRST = 5.0

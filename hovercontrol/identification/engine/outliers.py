@@ -11,11 +11,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, median_filter
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from hovercontrol.base.arrays import Array, Mask
 
 
 @dataclass(frozen=True)

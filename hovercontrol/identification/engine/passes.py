@@ -9,14 +9,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.identification.engine.kalman import Smoothed, System, run_filter, run_smoother
 from hovercontrol.identification.engine.noise import Noise, augment, left_of
 from hovercontrol.identification.engine.prior import Prior
 from hovercontrol.identification.engine.problem import Linear, Problem
-
-Array = NDArray[np.float64]
 
 #: Largest step of an unknown whose logarithm is estimated.
 FARTHEST = 1.0

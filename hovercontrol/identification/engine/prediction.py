@@ -8,12 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array, Indices
 from hovercontrol.blocks.backends.shoot import shoot
 from hovercontrol.identification.engine.fit import Fit
 from hovercontrol.identification.engine.problem import Problem
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 #: Maximum number of rows from which predictions start.
 STARTS = 600

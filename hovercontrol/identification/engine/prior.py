@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.identification.engine.problem import Problem
 from hovercontrol.identification.engine.subject import Subject
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.blocks.backends.follow import follow
 from hovercontrol.blocks.backends.shoot import Columns, shoot, shoot_with_slopes
 from hovercontrol.blocks.block import Block
@@ -32,8 +33,6 @@ from hovercontrol.identification.engine.subject import (
     unknowns,
 )
 from hovercontrol.identification.engine.unknowns import Unknowns
-
-Array = NDArray[np.float64]
 
 #: Longest sub-step [s].
 STEP = 0.01

@@ -12,11 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array, Indices
 from hovercontrol.base.errors import InputError
 from hovercontrol.identification.engine.measure import Measured
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 
 @dataclass(frozen=True)

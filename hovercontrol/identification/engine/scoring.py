@@ -14,12 +14,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.identification.engine.kalman import Filtered, run_filter
 from hovercontrol.identification.engine.noise import Noise, augment, least_measured, noisy, time_range
 from hovercontrol.identification.engine.passes import inverse, products
 from hovercontrol.identification.engine.problem import Linear, Problem
-
-Array = NDArray[np.float64]
 
 #: Change of an unknown for a one-sided difference, in standard errors; the largest one relative to its size;
 #: change of the logarithm of a noise level.

@@ -11,13 +11,11 @@ from __future__ import annotations
 from copy import copy
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.identification.engine.problem import MOST, Problem
 from hovercontrol.identification.engine.steps import Counts
-
-Array = NDArray[np.float64]
 
 #: CLOSE: largest change of a state by halving the sub-steps, in standard deviations of the state over the
 #: root of the number of steps. Errors of one sign grow with the number of steps, noise with its root.

@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.identification.engine.commands import divided
 from hovercontrol.identification.engine.inputs import Inputs
 from hovercontrol.identification.engine.rows import Rows
 
-Array = NDArray[np.float64]
 Counts = NDArray[np.intp]
 
 #: Maximum number of delays whose sub-steps are cached.

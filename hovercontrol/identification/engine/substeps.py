@@ -11,13 +11,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.blocks.backends.shoot import shoot, shoot_with_slopes
 from hovercontrol.identification.engine.fit import Fit
 from hovercontrol.identification.engine.steps import Group, InTime
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

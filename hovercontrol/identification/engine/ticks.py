@@ -5,12 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hovercontrol.base.errors import InputError
 from hovercontrol.identification.engine.measure import Measured
-
-Array = NDArray[np.float64]
 
 #: Largest distance of a row from a tick after the row before it, in periods, and largest difference of the
 #: log's clock from the model's over the whole log, as a fraction.

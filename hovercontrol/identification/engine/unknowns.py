@@ -7,12 +7,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.errors import InputError
 from hovercontrol.blocks.block import Block
 from hovercontrol.craft.effects import Shape
 from hovercontrol.identification.engine.subject import Subject, same_widths, unknowns
-
-Array = NDArray[np.float64]
 
 #: Smallest width of friction that a fit can distinguish from a jump [m/s, rad/s], of a slow machine relative
 #: to its speed, and largest width relative to the speed.

@@ -8,9 +8,9 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError, did_you_mean
 from hovercontrol.base.folders import write_folder
@@ -31,8 +31,6 @@ from hovercontrol.identification.engine.excitation import (
 )
 from hovercontrol.identification.identify.result import Fitted
 from hovercontrol.logs.log import Log
-
-Array = NDArray[np.float64]
 
 #: Most parameters that a trial fit takes by itself.
 MOST_TRIED = 50

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError
 from hovercontrol.base.pyplot import open_in_pyplot
@@ -22,7 +23,7 @@ from hovercontrol.craft.models.interface import AnyModel, as_model
 from hovercontrol.identification.engine.coasting import coasting
 from hovercontrol.identification.engine.data import gather
 from hovercontrol.identification.engine.fit import Fit, estimate, first_noise
-from hovercontrol.identification.engine.measure import Array, Measured, measure
+from hovercontrol.identification.engine.measure import Measured, measure
 from hovercontrol.identification.engine.prior import prior_of
 from hovercontrol.identification.engine.problem import Problem
 from hovercontrol.logs import Log, Span

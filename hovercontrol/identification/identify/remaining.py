@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.identification.engine.fit import Fit
 from hovercontrol.identification.engine.noise import averaged, averaging_time
 from hovercontrol.identification.identify.result import Remaining
-
-Array = NDArray[np.float64]
 
 
 def remaining(fit: Fit) -> tuple[Remaining, ...]:

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.craft.effects import Effect
 from hovercontrol.identification.diagnose.criteria import CRITERIA
 from hovercontrol.identification.diagnose.search.candidates import candidates
@@ -34,8 +35,6 @@ from hovercontrol.identification.engine.problem import Problem
 from hovercontrol.identification.engine.scoring import NO_LEVELS, scores
 from hovercontrol.identification.engine.subject import unknowns
 from hovercontrol.identification.identify.result import Reading
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -17,11 +17,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.identification.monitor.threshold import Signatures, floors, taken
-
-Array = NDArray[np.float64]
 
 
 def dispersion_of(found: Signatures, innovations: Array) -> Array:

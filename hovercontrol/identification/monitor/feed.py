@@ -14,8 +14,8 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.errors import InputError
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.simulation.reasons import StoppedError
@@ -30,8 +30,6 @@ FAR = 1000.0
 
 #: Part of the time between a row and its tick by which the ticks follow: jitter is averaged over 16 rows.
 FOLLOWS = 1.0 / 16.0
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

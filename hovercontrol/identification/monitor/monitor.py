@@ -21,8 +21,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError
 from hovercontrol.base.tables import positive
@@ -40,8 +40,6 @@ from hovercontrol.identification.monitor.pace import paced
 from hovercontrol.identification.monitor.signatures import along_motion
 from hovercontrol.identification.monitor.threshold import floors, threshold_for
 from hovercontrol.logs.log import Log
-
-Array = NDArray[np.float64]
 
 #: Time without a sample after which a sensor is dead, and time until the tests begin [s] (:mod:`.pace`).
 DEAD_AFTER, SETTLE = 1.0, 2.0

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.errors import InputError, shown
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.expressions import Expressions
@@ -15,8 +16,6 @@ from hovercontrol.blocks.simulation.sampled import Ticking, simulate_runs
 from hovercontrol.craft.models.base import shown_by
 from hovercontrol.identification.monitor.pace import paced
 from hovercontrol.logs.log import Log
-
-Array = NDArray[np.float64]
 
 #: Without a log: length of the motion [s], time between two steps of the commands [s], and their size in
 #: units of the nominal size.

@@ -12,16 +12,14 @@ They give the limited innovations e of a logged motion as well.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.errors import InputError
 from hovercontrol.blocks.simulation.sampled import Ticking
 from hovercontrol.identification.monitor.design import Design
 from hovercontrol.identification.monitor.equations import column_block
 from hovercontrol.identification.monitor.motion import Motion
 from hovercontrol.identification.monitor.threshold import Signatures, signatures_of
-
-Array = NDArray[np.float64]
 
 #: Part of its bound below which the square of a signature is rounding: the terms of an effect that the
 #: measured channels never show cancel up to 1e-32.

@@ -40,9 +40,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.identification.monitor import bank
-
-Array = NDArray[np.float64]
 
 #: Draws in a set, and sets whose mean gives the threshold. The relative standard error of the rate is about
 #: 8 % for one set and 3 % for the mean.

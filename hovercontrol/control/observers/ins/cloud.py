@@ -13,7 +13,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from hovercontrol.base.arrays import Array
 
 #: A measurement is incorporated in steps if it would leave an effective sample size below this share.
 LEAST = 0.3

@@ -8,8 +8,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import sympy as sp
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError
 from hovercontrol.base.short_repr import short_repr
@@ -31,8 +32,6 @@ from hovercontrol.control.observers.ins.noise import InsNoise, noise_from_sensor
 from hovercontrol.control.observers.ins.ranges import RangeAids, measured_ranges
 from hovercontrol.control.observers.ins.velocity_position import innovation_outputs
 from hovercontrol.craft.hardware.sensors.beacons import Beacons
-
-Array = NDArray[np.float64]
 
 #: Default number of particles; 2000 may lose the correct side if the start is anywhere in 4 m by 8 m.
 PARTICLES = 3000

@@ -6,8 +6,9 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError, did_you_mean
 from hovercontrol.base.tables import positive
@@ -22,7 +23,6 @@ from hovercontrol.control.observers.ins.ranges import RANGE_UNIT
 if TYPE_CHECKING:
     import control
 
-Array = NDArray[np.float64]
 
 #: Number of rows between two progress reports.
 _ROWS = 1000

@@ -7,14 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import sympy as sp
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError
 from hovercontrol.base.tables import number, positive
 from hovercontrol.blocks.signals import Signal
-
-Array = NDArray[np.float64]
 
 
 @checked

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import sympy as sp
-from numpy.typing import NDArray
 from scipy.optimize import root
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError, check_known
 from hovercontrol.base.pyplot import open_in_pyplot
@@ -22,7 +22,6 @@ from hovercontrol.logs.source import open_source
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 
 #: Straight pieces of the quantile function.
 PIECES = 24

@@ -10,8 +10,9 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.short_repr import short_repr
 from hovercontrol.blocks.backends.compiled import CompiledBlock
 from hovercontrol.control.autopilot.turntable import ARM
@@ -20,7 +21,6 @@ from hovercontrol.documents.item import Printed
 from hovercontrol.documents.k06.bench.blocks import OLDEST, bench
 from hovercontrol.documents.k06.bench.instruments import CENTRE
 
-Array = NDArray[np.float64]
 Settings = Mapping[str, float]
 
 #: Seeds of each item's test.

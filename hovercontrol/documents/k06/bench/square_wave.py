@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.control.analysis.output import Table, save
 from hovercontrol.control.observers.ins import IMU_PERIOD, K06_NOISE
 from hovercontrol.documents.k06.bench.aids import aided
@@ -16,7 +17,6 @@ from hovercontrol.documents.k06.bench.runs import (
     COLUMNS,
     LACKS,
     SEEDS,
-    Array,
     Rms,
     Settings,
     errors,

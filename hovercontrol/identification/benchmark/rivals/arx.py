@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import sympy as sp
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.craft.models.interface import AnyModel, as_model
 from hovercontrol.identification.benchmark.answer import Answer
 from hovercontrol.identification.benchmark.rivals.residuals import (
@@ -16,8 +16,6 @@ from hovercontrol.identification.benchmark.rivals.residuals import (
     solved,
 )
 from hovercontrol.logs import Log
-
-Array = NDArray[np.float64]
 
 WINDOW = 15
 #: Past samples of states and inputs that act on the residual now, each one window apart.

@@ -9,18 +9,16 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg
 import sympy as sp
-from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 from scipy.signal import savgol_filter
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.derivatives import linear_parameters
 from hovercontrol.blocks.sgn import sgn
 from hovercontrol.blocks.signals import Signal
 from hovercontrol.identification.benchmark.cases import law_unit, with_rates
 from hovercontrol.logs import Log
-
-Array = NDArray[np.float64]
 
 #: A sample is an outlier this many scaled median deviations from the median of seven.
 OUTLIER = 6.0

@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import t as student
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.errors import InputError
 from hovercontrol.identification.diagnose.checks.units import scale
 from hovercontrol.identification.engine.subject import Subject, structure
 from hovercontrol.logs import VELOCITY, Log
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError, did_you_mean
@@ -28,8 +27,6 @@ from hovercontrol.logs.codes import code_faults
 from hovercontrol.logs.duplicates import refuse_duplicates
 from hovercontrol.logs.prepare import prepared
 from hovercontrol.logs.scales import scale_faults
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.errors import InputError
 from hovercontrol.identification.engine.data import gather
 from hovercontrol.identification.engine.fit import estimate, first_noise
@@ -17,8 +17,6 @@ from hovercontrol.identification.engine.prior import prior_of
 from hovercontrol.identification.engine.problem import Problem
 from hovercontrol.identification.engine.subject import Subject, structure
 from hovercontrol.logs import POSE, VELOCITY, Log
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

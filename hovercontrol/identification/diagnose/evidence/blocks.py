@@ -9,13 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.short_repr import short_repr
 from hovercontrol.blocks.signals import time
 from hovercontrol.craft.effects import Effect, Shape
 from hovercontrol.identification.engine.fit import Fit
 from hovercontrol.identification.engine.passes import inverse
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

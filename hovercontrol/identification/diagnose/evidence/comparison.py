@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hovercontrol.identification.diagnose.evidence.holdout import held_fit
 from hovercontrol.identification.diagnose.evidence.traces import Trace, simulated_traces
@@ -22,8 +21,6 @@ from hovercontrol.identification.engine.levels import LEVEL
 from hovercontrol.identification.engine.noise import Noise
 from hovercontrol.identification.engine.subject import Subject
 from hovercontrol.logs import Log
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -9,14 +9,13 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.identification.engine.data import Data
 from hovercontrol.identification.engine.fit import Fit, estimate, first_noise
 from hovercontrol.identification.engine.prediction import horizons, predict
 from hovercontrol.identification.engine.prior import prior_of
 from hovercontrol.identification.engine.problem import Problem
 from hovercontrol.identification.engine.subject import Subject
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

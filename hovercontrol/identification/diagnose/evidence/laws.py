@@ -8,10 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.blocks.unitsyntax import parse_unit
 from hovercontrol.identification.diagnose.evidence.missing import Missing
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -6,11 +6,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.short_repr import short_repr
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -5,16 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.identification.diagnose.criteria import CRITERIA, Criteria
 from hovercontrol.identification.diagnose.evidence.missing import Missing, Quantity, rate, running_mean
 from hovercontrol.identification.engine.fit import Fit, refit
 from hovercontrol.identification.engine.kalman import run_filter
 from hovercontrol.identification.engine.noise import Noise, augment, averaged, averaging_time
 from hovercontrol.identification.engine.passes import inverse
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array, Indices
 from hovercontrol.base.short_repr import short_repr
 from hovercontrol.blocks.backends.shoot import shoot
 from hovercontrol.identification.diagnose.evidence.missing import Missing
@@ -16,9 +16,6 @@ from hovercontrol.identification.diagnose.evidence.remainder import missing_forc
 from hovercontrol.identification.engine.fit import Fit
 from hovercontrol.identification.engine.problem import STEP, Problem
 from hovercontrol.identification.engine.rows import BLOCKING
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,12 +6,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.short_repr import short_repr
 from hovercontrol.blocks.signals import Signal
 
-Array = NDArray[np.float64]
 Limits = Mapping[str, tuple[float, float]]
 
 

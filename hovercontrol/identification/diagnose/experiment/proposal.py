@@ -7,12 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.files import write_atomically
 from hovercontrol.base.short_repr import short_repr
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

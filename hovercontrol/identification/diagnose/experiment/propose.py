@@ -16,8 +16,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.craft.effects.law import is_law
 from hovercontrol.identification.diagnose.evidence.traces import runs_of, simulate_runs
 from hovercontrol.identification.diagnose.experiment.manoeuvres import Manoeuvre, family, reach
@@ -34,8 +34,6 @@ from hovercontrol.identification.engine.rows import arrange
 
 if TYPE_CHECKING:
     from hovercontrol.identification.diagnose.diagnosis import Found
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

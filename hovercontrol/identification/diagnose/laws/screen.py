@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.craft.effects import Effect
 from hovercontrol.craft.effects.law import Law, MemoryLaw
 from hovercontrol.identification.diagnose.criteria import Criteria
@@ -18,8 +18,6 @@ from hovercontrol.identification.diagnose.search.fit import TRIALS
 from hovercontrol.identification.diagnose.search.score import Scores
 from hovercontrol.identification.engine.fit import Fit
 from hovercontrol.identification.engine.subject import Subject
-
-Array = NDArray[np.float64]
 
 #: Two columns with a correlation beyond this are the same law in these logs.
 SAME = 0.98

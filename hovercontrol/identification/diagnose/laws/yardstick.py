@@ -15,8 +15,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.boundary import checked
 from hovercontrol.craft.effects.law import Factor, Law, law_class, law_name
 from hovercontrol.identification.diagnose.laws.grammar import signals_of
@@ -25,8 +25,6 @@ from hovercontrol.identification.engine.fit import Fit
 from hovercontrol.identification.engine.kalman import run_filter
 from hovercontrol.identification.engine.noise import augment
 from hovercontrol.identification.engine.passes import inverse, left_out_gain
-
-Array = NDArray[np.float64]
 
 #: Hats over one signal alone, and over each of two or three.
 KNOTS, KNOTS_OF_MORE = 7, 5

@@ -5,16 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import NDArray
-
 from hovercontrol.identification.diagnose.evidence.holdout import Ahead, ahead
 from hovercontrol.identification.engine.fit import Fit
 
 if TYPE_CHECKING:
     from hovercontrol.identification.diagnose.diagnosis import Diagnosis, Found
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

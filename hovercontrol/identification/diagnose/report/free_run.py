@@ -6,13 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.short_repr import short_repr
 from hovercontrol.identification.diagnose.evidence.traces import runs_of, simulate_runs
 from hovercontrol.identification.engine.fit import Fit
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.svg import Plot, bounds
 from hovercontrol.identification.diagnose.evidence.blocks import Blocks
 from hovercontrol.identification.diagnose.evidence.holdout import Ahead
@@ -16,8 +17,6 @@ from hovercontrol.identification.diagnose.laws.yardstick import Yardstick
 from hovercontrol.identification.diagnose.report.formatting import prime, small, times, unit
 from hovercontrol.identification.diagnose.report.free_run import FreeRun
 from hovercontrol.identification.diagnose.report.templates import render
-
-Array = NDArray[np.float64]
 
 #: Length of the part of a log shown with runs of the model [s], and number of logs with their own colour.
 SPAN, COLOURS = 20.0, 4

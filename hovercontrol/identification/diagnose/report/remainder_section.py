@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hovercontrol.base.percent import percent
 from hovercontrol.identification.diagnose.evidence.laws import regime_of, small, worst
@@ -16,8 +15,6 @@ from hovercontrol.identification.diagnose.report.formatting import listed, prime
 from hovercontrol.identification.diagnose.report.formatting import small as digits
 from hovercontrol.identification.diagnose.report.free_run import on_rows
 from hovercontrol.identification.diagnose.report.templates import Table, legend, render, table
-
-Array = NDArray[np.float64]
 
 #: Maximum number of logs whose forces are drawn, and of intervals that are listed.
 LOGS, STRETCHES = 3, 3

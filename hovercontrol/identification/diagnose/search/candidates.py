@@ -17,8 +17,6 @@ from hovercontrol.craft.effects.drag import per_second
 from hovercontrol.identification.engine.fit import Fit
 from hovercontrol.identification.engine.subject import Subject, structure
 
-Array = NDArray[np.float64]
-
 
 @dataclass(frozen=True)
 class CandidateCriteria:

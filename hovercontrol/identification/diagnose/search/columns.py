@@ -12,8 +12,8 @@ from functools import lru_cache
 
 import numpy as np
 import sympy as sp
-from numpy.typing import NDArray
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.blocks.backends.follow import follow
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.functions import Function, array_function
@@ -26,8 +26,6 @@ from hovercontrol.identification.engine.noise import Columns
 from hovercontrol.identification.engine.problem import Problem
 from hovercontrol.identification.engine.subject import Subject, followed_rate, rate_key, structure, timing
 from hovercontrol.identification.engine.substeps import within
-
-Array = NDArray[np.float64]
 
 
 def columns(fit: Fit, tried: Sequence[Candidate]) -> tuple[list[Columns], list[tuple[int, ...]]]:

@@ -15,9 +15,9 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.short_repr import short_repr
 from hovercontrol.craft.effects import Effect
 from hovercontrol.identification.diagnose.search.candidates import Candidate
@@ -26,8 +26,6 @@ from hovercontrol.identification.engine.fit import Fit
 from hovercontrol.identification.engine.kalman import run_filter
 from hovercontrol.identification.engine.noise import augment
 from hovercontrol.identification.engine.passes import inverse, left_out_gain
-
-Array = NDArray[np.float64]
 
 #: A candidate is ignored if less than this fraction of its information is left after the model's unknowns.
 VANISHING = 1e-7
