@@ -7,6 +7,7 @@ import os
 import types
 import typing
 from collections.abc import Callable, Iterable, Mapping
+from itertools import islice
 from numbers import Integral, Real
 from pathlib import Path
 from typing import Any, Literal, TypeVar, Union
@@ -57,8 +58,10 @@ def fits(value: Any, hint: Any) -> bool:
         return any(fits(value, one) for one in _parts(inner))
     if origin is Literal:
         return any(type(value) is type(one) and value == one for one in inner)
-    if origin is not None:
-        return _fits_generic(value, origin, inner)
+    return _fits_class(value, hint) if origin is None else _fits_generic(value, origin, inner)
+
+
+def _fits_class(value: Any, hint: Any) -> bool:
     if hint is float:
         number = isinstance(value, Real) or (isinstance(value, sp.Expr) and value.is_extended_real is True)
         number = number or (isinstance(value, np.ndarray) and value.ndim == 0)
@@ -69,13 +72,15 @@ def fits(value: Any, hint: Any) -> bool:
         return isinstance(value, bool | np.bool_)
     if hint is Path:
         return isinstance(value, str | os.PathLike)
-    if inspect.isclass(hint) and issubclass(hint, sp.MatrixBase):
+    if not inspect.isclass(hint):
+        return True
+    if issubclass(hint, sp.MatrixBase):
         return isinstance(value, sp.MatrixBase)  # mutable or not
-    if inspect.isclass(hint) and issubclass(hint, sp.Basic):
+    if issubclass(hint, sp.Basic):
         return isinstance(value, sp.Basic | Real)
     if getattr(hint, "_is_protocol", False):
         return all(hasattr(value, name) for name in vars(hint) if not name.startswith("_"))
-    return not inspect.isclass(hint) or isinstance(value, hint)
+    return isinstance(value, hint)
 
 
 def _fits_generic(value: Any, origin: Any, inner: tuple[Any, ...]) -> bool:
@@ -86,25 +91,26 @@ def _fits_generic(value: Any, origin: Any, inner: tuple[Any, ...]) -> bool:
     if issubclass(origin, Callable):  # type: ignore[arg-type]
         return callable(value)
     if issubclass(origin, Mapping):
-        if not isinstance(value, Mapping) and hasattr(value, "keys") and hasattr(value, "__getitem__"):
-            return True  # a data frame
-        pairs = isinstance(value, Mapping) and list(value.items())[:LOOKED_AT]
-        return pairs is not False and all(fits(k, inner[0]) and fits(v, inner[1]) for k, v in pairs)
+        if isinstance(value, Mapping):
+            pairs = islice(value.items(), LOOKED_AT)
+            return all(fits(k, inner[0]) and fits(v, inner[1]) for k, v in pairs)
+        return hasattr(value, "keys") and hasattr(value, "__getitem__")  # a data frame
     if issubclass(origin, Iterable):
-        if isinstance(value, str | bytes | Mapping) or not isinstance(value, Iterable):
-            return False
-        if isinstance(value, np.ndarray) and value.ndim == 0:
-            return False
-        kinds = [one for one in inner if one is not Ellipsis]
-        few: list[Any] = []
-        if isinstance(value, list | tuple | range | np.ndarray):
-            few = list(value[:LOOKED_AT])
-        elif isinstance(value, set):
-            few = list(value)[:LOOKED_AT]
-        if origin is tuple and len(kinds) > 1 and Ellipsis not in inner:
-            return len(few) == len(kinds) and all(map(fits, few, kinds))
-        return not kinds or all(fits(one, kinds[0]) for one in few)
+        return _fits_sequence(value, origin, inner)
     return isinstance(value, origin)
+
+
+def _fits_sequence(value: Any, origin: Any, inner: tuple[Any, ...]) -> bool:
+    if isinstance(value, str | bytes | Mapping) or not isinstance(value, Iterable):
+        return False
+    if isinstance(value, np.ndarray) and value.ndim == 0:
+        return False
+    kinds = [one for one in inner if one is not Ellipsis]
+    readable = isinstance(value, list | tuple | range | np.ndarray | set)  # others, once read, are empty
+    few = list(islice(value, LOOKED_AT)) if readable else []
+    if origin is tuple and len(kinds) > 1 and Ellipsis not in inner:
+        return len(few) == len(kinds) and all(map(fits, few, kinds))
+    return not kinds or all(fits(one, kinds[0]) for one in few)
 
 
 def _parts(inner: tuple[Any, ...]) -> list[Any]:

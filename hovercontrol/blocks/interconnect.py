@@ -12,7 +12,7 @@ become a :class:`~hovercontrol.blocks.block.Tick`.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import sympy as sp
 
@@ -112,6 +112,62 @@ class _Part:
     held: tuple[Signal, ...] = ()
 
 
+@dataclass
+class _Equations:
+    """The equations of the joined Block, collected part by part; `outside` is what other parts give."""
+
+    outside: dict[sp.Symbol, sp.Expr]
+    definitions: dict[str, sp.Expr] = field(default_factory=dict)
+    signals: list[Signal] = field(default_factory=list)
+    states: list[Signal] = field(default_factory=list)
+    held: list[Signal] = field(default_factory=list)
+    derivatives: dict[str, sp.Expr] = field(default_factory=dict)
+    ticks: dict[str, list[Tick]] = field(default_factory=dict)
+
+    def add(self, part: _Part, plain: Mapping[str, sp.Expr], *, hybrid: bool) -> None:
+        block, swap = part.block, {**self.outside, **part.own}
+        for signal in block.definition_signals:
+            self.signals.append(_moved(part, signal))
+            self.definitions[self.signals[-1].name] = with_symbols(block.definitions[signal.name], swap)
+        for output in block.outputs:
+            if output.name not in plain:
+                self.signals.append(output)
+                self.definitions[output.name] = with_symbols(block.output_expressions[output.name], swap)
+        moved = [_moved(part, s) for s in block.states]
+        if hybrid and block.period:
+            self._add_sampled(part, moved, swap)
+        else:
+            self._add_states(block, moved, swap)
+
+    def _add_sampled(self, part: _Part, moved: list[Signal], swap: Mapping[sp.Symbol, sp.Expr]) -> None:
+        block = part.block
+        self.held += [*part.held, *moved]
+        self.derivatives.update({s.name: sp.S.Zero for s in (*part.held, *moved)})
+        tells = _renamed(part.held, block.output_expressions, swap)
+        takes = _renamed(moved, block.derivatives, swap)
+        self.ticks[block.name] = [Tick(block.name, block.period, updates) for updates in (tells, takes)]
+
+    def _add_states(self, block: Block, moved: list[Signal], swap: Mapping[sp.Symbol, sp.Expr]) -> None:
+        self.states += moved[: block.n_continuous]
+        self.held += moved[block.n_continuous :]
+        self.derivatives.update(_renamed(moved, block.derivatives, swap))
+        self.ticks[block.name] = [
+            Tick(
+                tick.name,
+                tick.period,
+                Expressions((f"{block.name}.{n}", with_symbols(e, swap)) for n, e in tick.updates.items()),
+            )
+            for tick in block.ticks
+        ]
+
+
+def _renamed(
+    signals: Iterable[Signal], expressions: Mapping[str, sp.Expr], swap: Mapping[sp.Symbol, sp.Expr]
+) -> Expressions:
+    pairs = zip(signals, expressions.values(), strict=True)
+    return Expressions((s.name, with_symbols(e, swap)) for s, e in pairs)
+
+
 @checked
 def interconnect(
     blocks: Sequence[Block],
@@ -184,59 +240,22 @@ def interconnect(
 
     parts = [_part(block, hybrid=period is None) for block in blocks]
     plain = _plain_outputs(parts)
-    outside = {sp.Symbol(n, real=True): e for n, e in plain.items()}
-    definitions: dict[str, sp.Expr] = {}
-    signals: list[Signal] = []
-    states: list[Signal] = []
-    held: list[Signal] = []
-    derivatives: dict[str, sp.Expr] = {}
-    ticks: dict[str, list[Tick]] = {}
+    joined = _Equations({sp.Symbol(n, real=True): e for n, e in plain.items()})
     for part in parts:
-        block, swap = part.block, {**outside, **part.own}
-        for signal in block.definition_signals:
-            signals.append(_moved(part, signal))
-            definitions[signals[-1].name] = with_symbols(block.definitions[signal.name], swap)
-        for output in block.outputs:
-            if output.name not in plain:
-                signals.append(output)
-                definitions[output.name] = with_symbols(block.output_expressions[output.name], swap)
-        moved = [_moved(part, s) for s in block.states]
-        if period is None and block.period:
-            held += [*part.held, *moved]
-            derivatives.update({s.name: sp.S.Zero for s in (*part.held, *moved)})
-            tells, takes = (
-                Expressions(
-                    (s.name, with_symbols(e, swap)) for s, e in zip(signals_, group.values(), strict=True)
-                )
-                for signals_, group in ((part.held, block.output_expressions), (moved, block.derivatives))
-            )
-            ticks[block.name] = [Tick(block.name, block.period, tells), Tick(block.name, block.period, takes)]
-            continue
-        states += moved[: block.n_continuous]
-        held += moved[block.n_continuous :]
-        for signal, e in zip(moved, block.derivatives.values(), strict=True):
-            derivatives[signal.name] = with_symbols(e, swap)
-        ticks[block.name] = [
-            Tick(
-                tick.name,
-                tick.period,
-                Expressions((f"{block.name}.{n}", with_symbols(e, swap)) for n, e in tick.updates.items()),
-            )
-            for tick in block.ticks
-        ]
+        joined.add(part, plain, hybrid=period is None)
     shown = _chosen({n: s for n, (_, s) in drivers.items()}, outputs, "output")
     return Block(
         name=name,
-        states=(*states, *held),
+        states=(*joined.states, *joined.held),
         inputs=tuple(_chosen(open_inputs, inputs, "input", strict=True)),
         outputs=tuple(shown),
         parameters=tuple(_moved(part, s) for part in parts for s in part.block.parameters),
-        derivatives=Expressions(derivatives),
+        derivatives=Expressions(joined.derivatives),
         output_expressions=Expressions((s.name, plain[s.name]) for s in shown if s.name in plain),
-        definitions=Expressions(definitions),
-        definition_signals=tuple(signals),
+        definitions=Expressions(joined.definitions),
+        definition_signals=tuple(joined.signals),
         period=period or 0.0,
-        ticks=tuple(_in_order(blocks, drivers, ticks)) if period is None else (),
+        ticks=tuple(_in_order(blocks, drivers, joined.ticks)) if period is None else (),
         delays=_open_delays(parts),
     )
 

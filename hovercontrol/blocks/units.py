@@ -12,7 +12,7 @@ from functools import lru_cache
 import pint
 import sympy as sp
 from sympy.core.relational import Relational
-from sympy.logic.boolalg import Boolean, BooleanAtom
+from sympy.logic.boolalg import Boolean
 
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError, shown
@@ -234,34 +234,33 @@ class DimensionChecker:
             return self._power(e)
         if isinstance(e, sp.Add | sp.Max | sp.Min | sp.Abs | sp.Mod):
             return self._common(e, e.args)
-        if isinstance(e, sgn | sp.atan2 | Relational):
-            self._common(e, e.args)
-            return DIMENSIONLESS
         if isinstance(e, sp.Piecewise):
             for _, condition in e.args:
                 self(condition)
             return self._common(e, [value for value, _ in e.args])
-        if isinstance(e, BooleanAtom):
-            return DIMENSIONLESS
-        if isinstance(e, Boolean) and not e.is_Symbol:
+        self._check_dimensionless(e)
+        return DIMENSIONLESS
+
+    def _check_dimensionless(self, e: sp.Basic) -> None:
+        """Raise if the value has a unit that is not known, or the parts have wrong units."""
+        if isinstance(e, sgn | sp.atan2 | Relational):
+            self._common(e, e.args)
+        elif isinstance(e, Boolean) and not e.is_Symbol:
             for part in e.args:
                 self(part)
-            return DIMENSIONLESS
-        if isinstance(e, sp.sign | sp.Heaviside):
+        elif isinstance(e, sp.sign | sp.Heaviside):
             self(e.args[0])
-            return DIMENSIONLESS
-        if isinstance(e, entry):
+        elif isinstance(e, entry):
             self._need_dimensionless(e, e.args[:1])
-            return DIMENSIONLESS
-        if isinstance(e, KNOWN_FUNCTIONS):
+        elif isinstance(e, KNOWN_FUNCTIONS):
             self._need_dimensionless(e, e.args)
-            return DIMENSIONLESS
-        if isinstance(e, sp.Function):
+        elif isinstance(e, sp.Function):
             names = ", ".join(sorted(f.__name__ for f in KNOWN_FUNCTIONS))
             raise UnitError(
                 f"the function {e.func} in '{e}' cannot be computed by every backend; known: {names}"
             )
-        raise UnitError(f"the unit of {e} cannot be derived ({type(e).__name__})")
+        else:
+            raise UnitError(f"the unit of {e} cannot be derived ({type(e).__name__})")
 
     def _product(self, factors: Iterable[sp.Basic]) -> Dimension | None:
         total: tuple[sp.Rational, ...] = DIMENSIONLESS

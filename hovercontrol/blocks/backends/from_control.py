@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import control
@@ -157,35 +158,46 @@ def _block(
         ]
         for group, sizes in ((x, of_states), (u, of_inputs), (y, of_outputs))
     )
-    parameters: list[Signal] = []
-
-    def sums(
-        rows: Sequence[Signal], sizes: Sequence[Dimension], *parts: tuple[int, Sequence[Signal]]
-    ) -> dict[str, sp.Expr]:
-        totals = dict.fromkeys((s.name for s in rows), sp.S.Zero)
-        for part, by in parts:
-            letter = "ABCD"[part]
-            for i, j in np.argwhere(matrices[part]).tolist():
-                value, unit = float(matrices[part][i, j]), unit_text(_per(sizes[i], by[j].dimension))
-                factor = sp.S.One
-                if unit != "1" or not ones[part][i, j]:
-                    text = f"{letter} of {rows[i].name} by {by[j].name}"
-                    entry = Signal(f"{letter}[{i},{j}]", unit, text, start=value, nominal=abs(value))
-                    parameters.append(entry)
-                    factor = entry.symbol
-                totals[rows[i].name] += factor * by[j].symbol
-        return totals
-
+    entries = _Entries(matrices, ones, [])
     return Block(
         name,
         states=tuple(states),
         inputs=tuple(inputs),
         outputs=tuple(outputs),
-        derivatives=sums(states, rates, (0, states), (1, inputs)),
-        output_expressions=sums(outputs, of_outputs, (2, states), (3, inputs)),
-        parameters=tuple(parameters),
+        derivatives=entries.sums(states, rates, (0, states), (1, inputs)),
+        output_expressions=entries.sums(outputs, of_outputs, (2, states), (3, inputs)),
+        parameters=tuple(entries.parameters),
         period=period,
     )
+
+
+@dataclass(frozen=True)
+class _Entries:
+    """The matrices' entries as parameters; an entry of exactly 1 without a unit is none."""
+
+    matrices: Matrices
+    ones: Ones
+    parameters: list[Signal]
+
+    def sums(
+        self, rows: Sequence[Signal], sizes: Sequence[Dimension], *parts: tuple[int, Sequence[Signal]]
+    ) -> dict[str, sp.Expr]:
+        """Return each row's sum of entries times signals."""
+        totals = dict.fromkeys((s.name for s in rows), sp.S.Zero)
+        for part, by in parts:
+            for i, j in np.argwhere(self.matrices[part]).tolist():
+                unit = unit_text(_per(sizes[i], by[j].dimension))
+                factor = self._entry(part, i, j, unit, f"{rows[i].name} by {by[j].name}")
+                totals[rows[i].name] += factor * by[j].symbol
+        return totals
+
+    def _entry(self, part: int, i: int, j: int, unit: str, place: str) -> sp.Expr:
+        if unit == "1" and self.ones[part][i, j]:
+            return sp.S.One
+        letter, value = "ABCD"[part], float(self.matrices[part][i, j])
+        entry = Signal(f"{letter}[{i},{j}]", unit, f"{letter} of {place}", start=value, nominal=abs(value))
+        self.parameters.append(entry)
+        return entry.symbol
 
 
 def _state_shown(row: Array, ones: NDArray[np.bool_], direct: Array, states: Sequence[str]) -> str:

@@ -150,20 +150,9 @@ def simulate_runs(
     _check_names(block, "output", wanted, [s.name for s in block.outputs])
     names = [s.name for s in block.inputs]
     _check_names(block, "input", inputs, names)
-    missing = [name for name in names if name not in inputs]
-    if missing:
-        raise InputError(f"block {block.name!r}: no values for input {missing[0]!r}")
-    columns = {name: np.asarray(inputs[name], dtype=float) for name in names}
-    columns = {name: c[:, None] if c.ndim == 1 else c for name, c in columns.items()}
-    try:
-        ticks, count = np.broadcast_shapes(*(c.shape for c in columns.values()))
-    except ValueError:
-        shapes = ", ".join(f"{name} {c.shape}" for name, c in columns.items())
-        raise InputError(f"block {block.name!r}: inputs differ in shape (ticks, runs): {shapes}") from None
-    given = np.array([np.broadcast_to(columns[name], (ticks, count)) for name in names])
-    given = np.moveaxis(given, 1, 0)
-    known = [s.name for s in block.states]
-    _check_names(block, "state", start or {}, known)
+    given = _rows_of_runs(block.name, names, inputs)
+    ticks, _, count = given.shape
+    _check_names(block, "state", start or {}, [s.name for s in block.states])
     found = np.empty((ticks, len(wanted), count))
     if not isinstance(block, Block):
         if params:
@@ -172,9 +161,9 @@ def simulate_runs(
         for k in range(ticks):
             found[k] = particles.tick(given[k], block.period, wanted)
         return {name: found[:, j] for j, name in enumerate(wanted)}
-    state = np.empty((len(known), count))
-    for j, signal in enumerate(block.states):
-        state[j] = (start or {}).get(signal.name, signal.start)
+    begin = {s.name: s.start for s in block.states} | dict(start or {})
+    state = np.array([np.broadcast_to(value, count) for value in begin.values()], dtype=float)
+    state = state.reshape(len(block.states), count)
     values = block.parameter_values(params)
     step = one_tick(block, wanted)[1]
     for k in range(ticks):
@@ -186,6 +175,21 @@ def simulate_runs(
             else:
                 state[j - len(wanted)] = value
     return {name: found[:, j] for j, name in enumerate(wanted)}
+
+
+def _rows_of_runs(block: str, names: Sequence[str], inputs: Mapping[str, ArrayLike]) -> Array:
+    """Return the inputs as one array, shape (ticks, inputs, runs)."""
+    for name in names:
+        if name not in inputs:
+            raise InputError(f"block {block!r}: no values for input {name!r}")
+    columns = {name: np.asarray(inputs[name], dtype=float) for name in names}
+    columns = {name: c[:, None] if c.ndim == 1 else c for name, c in columns.items()}
+    try:
+        ticks, count = np.broadcast_shapes(*(c.shape for c in columns.values()))
+    except ValueError:
+        shapes = ", ".join(f"{name} {c.shape}" for name, c in columns.items())
+        raise InputError(f"block {block!r}: inputs differ in shape (ticks, runs): {shapes}") from None
+    return np.stack([np.broadcast_to(c, (ticks, count)) for c in columns.values()], axis=1)
 
 
 def one_tick(block: Block, outputs: Sequence[str]) -> FunctionPair:

@@ -105,19 +105,13 @@ def simulate(
     u = input_rows(block, inputs, times)
     x = initial_state(block, x0)
     p = block.parameter_values(params)
-    check_known(method, METHODS, f"unknown method {method!r}")
-    for name, limit in (("rtol", rtol), ("atol", atol), ("max_step", max_step)):
-        if not limit > 0:
-            raise InputError(f"{name} must be positive, found {limit:g}")
-        if name != "max_step" and limit == math.inf:  # the first step would be infinite
-            raise InputError(f"{name} must be finite, found {limit:g}")
+    _check_solver(method, rtol, atol, max_step)
     if hold not in ("zero", "linear"):
         raise InputError(f"hold must be 'zero' or 'linear', found {hold!r}")
+    if hold != "zero" and (block.delays or block.ticks):
+        kind = "block with delays" if block.delays else "hybrid block"
+        raise InputError(f"block {block.name!r}: the inputs of a {kind} hold, found hold={hold!r}")
     if block.delays:
-        if hold != "zero":
-            raise InputError(
-                f"block {block.name!r}: the inputs of a block with delays hold, found hold={hold!r}"
-            )
         late = arrivals(block, times, u, p)
         run = simulate(
             undelayed(block), late.times, late.inputs, x, params, method=method, rtol=rtol, atol=atol,
@@ -125,19 +119,56 @@ def simulate(
         )  # fmt: skip
         y, z = (np.reshape(rows, (-1, len(late.times)))[:, late.given] for rows in (run.outputs, run.states))
         return time_response(block, times, y, z, u)
+    longest = min(max_step, longest_step(block, params, times[0], times[-1]))
     if block.ticks:
-        if hold != "zero":
-            raise InputError(f"block {block.name!r}: the inputs of a hybrid block hold, found hold={hold!r}")
-        longest = min(max_step, longest_step(block, params, times[0], times[-1]))
         states = run_hybrid(block, times, u, x, p, rtol=rtol, atol=atol, longest=longest, progress=progress)
-        y = numpy_functions(block).outputs(times, states, u, params)
-        return time_response(block, times, y, states, u)
+    else:
+        states = _integrate(
+            block,
+            times,
+            u,
+            x,
+            p,
+            hold,
+            method=method,
+            rtol=rtol,
+            atol=atol,
+            longest=longest,
+            progress=progress,
+        )
+    y = numpy_functions(block).outputs(times, states, u, params)
+    return time_response(block, times, y, states, u, held=hold == "zero")
+
+
+def _check_solver(method: str, rtol: float, atol: float, max_step: float) -> None:
+    check_known(method, METHODS, f"unknown method {method!r}")
+    for name, limit in (("rtol", rtol), ("atol", atol), ("max_step", max_step)):
+        if not limit > 0:
+            raise InputError(f"{name} must be positive, found {limit:g}")
+        if name != "max_step" and limit == math.inf:  # the first step would be infinite
+            raise InputError(f"{name} must be finite, found {limit:g}")
+
+
+def _integrate(
+    block: Block,
+    times: Array,
+    u: Array,
+    x: Array,
+    p: Sequence[float],
+    hold: Literal["zero", "linear"],
+    *,
+    method: str,
+    rtol: float,
+    atol: float,
+    longest: float,
+    progress: Callable[[float], None] | None,
+) -> Array:
+    """Return the states of a continuous Block at the given times; the solver restarts where inputs jump."""
     states = np.empty((len(block.states), len(times)))
     states[:, 0] = x
     rhs = numpy_functions(block).scalar_pair("derivatives")
     effort = Effort(block, p, float(times[0]), float(times[-1]), rtol, atol)
     latest: tuple[float, list[float], list[float]] = float(times[0]), x.tolist(), u[:, 0].tolist()
-    max_step = min(max_step, longest_step(block, params, times[0], times[-1]))
     for first, last in _pieces(times, u, hold):
         value = _input_function(times, u, first, last, hold)
 
@@ -160,13 +191,12 @@ def simulate(
                 method=method,
                 rtol=rtol,
                 atol=atol,
-                max_step=max_step,
+                max_step=longest,
             )
             if not result.success or not np.isfinite(result.y).all():
                 raise effort.stopped(*latest, result.message.rstrip("."))
             states[:, first : last + 1] = result.y
-    y = numpy_functions(block).outputs(times, states, u, params)
-    return time_response(block, times, y, states, u, held=hold == "zero")
+    return states
 
 
 def time_response(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hovercontrol.base.arrays import Array
+from hovercontrol.base.arrays import Array, Mask
 from hovercontrol.base.errors import InputError, check_known, did_you_mean
 from hovercontrol.blocks.backends.friction_slopes import Point, Slope
 from hovercontrol.blocks.block import Block
@@ -187,27 +187,13 @@ def design_of(
         needed = {k for row in rows for k in np.flatnonzero(row).tolist()}
         named = {names.index(s) for s in weighted} | needed
         kept = [k for k in closure(A, named) if k in named or k not in hidden]
-    if not kept:
-        raise InputError(f"{where}: expected one or more states to feed back, found none")
-    for k in kept:
-        if k in hidden:
-            raise InputError(
-                f"{where}: no output of block {plant.name!r} shows the state {plant.states[k].name!r}; leave "
-                "it out or estimate it (measured='{}_hat')"
-            )
+    _check_feedback(where, plant, kept, hidden, moving, rates)
     chosen = tuple(
         Measured(names.signal(k).replace(start=point.x[k]), is_angle(plant, plant.states[k])) for k in kept
     )
     commanded = tuple(
         plant.inputs[j].replace(start=_inside(where, plant.inputs[j], point.u[j])) for j in columns
     )
-    for k in kept:
-        if moving[k]:
-            s = plant.states[k]
-            raise InputError(
-                f"{where}: {s.name} moves by {rates[k]:.3g} {s.unit} per second at the operating"
-                " point and has no constant setpoint; leave it out of the states and weights"
-            )
     sampled, every = plant.period > 0.0, [s.name for s in plant.states]
     A, B = eliminated(where, A, B[:, columns], kept, hidden, every, sampled=sampled)
     C_kept = np.array([row[kept] for row in rows]).reshape(len(rows), len(kept))
@@ -218,6 +204,27 @@ def design_of(
     for column, at_rest in enumerate(frictions):
         E[at_rest.state, column] = at_rest.level
     return Design(chosen, commanded, A, B, integrals, C_kept, frictions, E, plant.period)
+
+
+def _check_feedback(
+    where: str, plant: Block, kept: Sequence[int], hidden: set[int], moving: Mask, rates: Array
+) -> None:
+    """Raise if a state fed back is shown by no output, or has no constant setpoint."""
+    if not kept:
+        raise InputError(f"{where}: expected one or more states to feed back, found none")
+    for k in kept:
+        if k in hidden:
+            raise InputError(
+                f"{where}: no output of block {plant.name!r} shows the state {plant.states[k].name!r}; leave "
+                "it out or estimate it (measured='{}_hat')"
+            )
+    for k in kept:
+        if moving[k]:
+            s = plant.states[k]
+            raise InputError(
+                f"{where}: {s.name} moves by {rates[k]:.3g} {s.unit} per second at the operating"
+                " point and has no constant setpoint; leave it out of the states and weights"
+            )
 
 
 def _columns(where: str, plant: Block, inputs: Iterable[str] | None) -> list[int]:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from hovercontrol.base.arguments import at_least
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError
 from hovercontrol.base.tables import positive
@@ -141,7 +142,7 @@ def mpc(
     block = plant_of(name, plant)
     states, inputs = [s.name for s in block.states], [s.name for s in block.inputs]
     points = None if waypoints is None else points_of(name, waypoints)
-    if weights is None and points is None:
+    if points is None and weights is None:
         raise InputError(f"{name}: weights: expected weights by name; only with waypoints are they suggested")
     for what, number in (("speed", speed), ("acceptance", acceptance), ("final", final)):
         positive(f"{name}: {what}", number)
@@ -166,15 +167,24 @@ def mpc(
     if weights is None:
         weights, changes = suggested_weights(stage, acceptance, at)
         rate_weights = changes if rate_weights is None else rate_weights
-    both = by_name(f"{name}: weights", weights, [*states, *inputs])
-    if not any(both[key] for key in states):
-        raise InputError(f"{name}: weights: expected a positive weight of at least one state")
-    rated = by_name(f"{name}: rate_weights", rate_weights or {}, inputs)
     if points is not None:
         way_around(np.vstack([points[:1], points]), stage.obstacles)  # refuses waypoints within obstacles
-    Q, R, S = (
-        np.array(list(of))
-        for of in ((both[key] for key in states), (both[key] for key in inputs), rated.values())
-    )
+    costs = _costs(name, states, inputs, weights, rate_weights or {})
     way = None if points is None else WayReference(stage, points, speed, times.stop, at)
-    return MPC(stage, horizon, (Q, R, S), final, way, acceptance, solver, name)
+    return MPC(stage, horizon, costs, final, way, acceptance, solver, name)
+
+
+def _costs(
+    name: str,
+    states: Sequence[str],
+    inputs: Sequence[str],
+    weights: Mapping[str, float],
+    rate_weights: Mapping[str, float],
+) -> tuple[Array, Array, Array]:
+    """Return the weights of the states, of the inputs and of the inputs' changes."""
+    both = by_name(f"{name}: weights", weights, [*states, *inputs])
+    Q, R = (np.array([both[key] for key in group]) for group in (states, inputs))
+    if not Q.any():
+        raise InputError(f"{name}: weights: expected a positive weight of at least one state")
+    rated = by_name(f"{name}: rate_weights", rate_weights, inputs)
+    return Q, R, np.array(list(rated.values()))

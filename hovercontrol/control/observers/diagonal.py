@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from hovercontrol.base.errors import InputError
+from hovercontrol.blocks.signals import Signal
 
 
 def diagonal(name: str, value: ArrayLike, size: int, positive: bool = False) -> list[float]:
@@ -21,3 +24,18 @@ def diagonal(name: str, value: ArrayLike, size: int, positive: bool = False) -> 
         sign = "positive" if positive else "not negative"
         raise InputError(f"{name} must be finite and {sign}, found {full.min():g}")
     return [float(v) for v in full]
+
+
+def intensities(
+    states: Sequence[Signal], estimated: Sequence[Signal], R: ArrayLike, Q: ArrayLike
+) -> tuple[list[Signal], list[Signal]]:
+    """Return the diagonals of R, of measured states, and of Q, of the estimated quantities, as parameters."""
+    noise = [
+        Signal(f"R[{i},{i}]", f"({s.unit})^2*s", f"noise intensity of {s.name}", start=r, lower=0.0)
+        for i, (s, r) in enumerate(zip(states, diagonal("R", R, len(states), positive=True), strict=True))
+    ]
+    drift = [
+        Signal(f"Q[{i},{i}]", f"({s.unit})^2/s", f"disturbance intensity of {s.name}", start=q, lower=0.0)
+        for i, (s, q) in enumerate(zip(estimated, diagonal("Q", Q, len(estimated)), strict=True))
+    ]
+    return noise, drift

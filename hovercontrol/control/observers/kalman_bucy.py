@@ -17,8 +17,8 @@ from numpy.typing import ArrayLike
 
 from hovercontrol.base.boundary import checked
 from hovercontrol.blocks.block import Block
-from hovercontrol.blocks.signals import Signal, suffixed, time
-from hovercontrol.control.observers.diagonal import diagonal
+from hovercontrol.blocks.signals import Signal, time
+from hovercontrol.control.observers.diagonal import diagonal, intensities
 from hovercontrol.control.observers.regression import regression
 from hovercontrol.control.observers.ticking import sampled_estimator
 
@@ -80,8 +80,7 @@ def kalman_bucy(
     n, m = len(model.states), len(model.coefficients)
     size = n + m
     xi = [*model.states, *model.coefficients]
-    r_start = diagonal("R", R, n, positive=True)
-    q_start = diagonal("Q", Q, size)
+    Rs, Qs = intensities(model.states, xi, R, Q)
     p_start = diagonal("P0", P0, size)
 
     xhat = [
@@ -98,20 +97,6 @@ def kalman_bucy(
         for i in range(size)
         for j in range(i, size)
     }
-    Rs = [
-        Signal(f"R[{i},{i}]", f"({s.unit})^2*s", f"noise intensity of {s.name}", start=r_start[i], lower=0.0)
-        for i, s in enumerate(model.states)
-    ]
-    Qs = [
-        Signal(
-            f"Q[{i},{i}]",
-            f"({s.unit})^2/s",
-            f"disturbance intensity of {s.name}",
-            start=q_start[i],
-            lower=0.0,
-        )
-        for i, s in enumerate(xi)
-    ]
 
     cov = sp.Matrix(size, size, lambda i, j: P[min(i, j), max(i, j)].symbol)
     # xihat' = [h + G chat, 0] + K (x - xhat),  K = P C' R^-1,  P' = A P + P A' + Q - K C P
@@ -138,18 +123,11 @@ def kalman_bucy(
         name,
         states=(*xhat, *P.values()),
         inputs=(*measured, *(s for s in block.inputs if s.symbol in used)),
-        outputs=tuple(
-            c.replace(
-                name=suffixed(short, "hat"), description=f"estimate of {short}", lower=-np.inf, upper=np.inf
-            )
-            for c, short in zip(model.coefficients, model.names, strict=True)
-        ),
+        outputs=model.hats,
         parameters=(*Rs, *Qs, *(p for p in block.parameters if p.symbol in used)),
         derivatives=derivatives,
         definitions=definitions,
-        output_expressions={
-            suffixed(short, "hat"): x.symbol for short, x in zip(model.names, xhat[n:], strict=True)
-        },
+        output_expressions={hat.name: x.symbol for hat, x in zip(model.hats, xhat[n:], strict=True)},
     )
 
 

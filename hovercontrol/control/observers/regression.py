@@ -16,7 +16,7 @@ from hovercontrol.base.errors import InputError
 from hovercontrol.base.short_repr import short_repr
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.derivatives import linear_parameters, partial_derivatives
-from hovercontrol.blocks.signals import Signal
+from hovercontrol.blocks.signals import Signal, suffixed
 
 
 @checked
@@ -56,6 +56,16 @@ class Regression:
 
     __repr__ = short_repr
 
+    @property
+    def hats(self) -> tuple[Signal, ...]:
+        """Return the estimates of the coefficients as outputs ``NAME_hat``."""
+        return tuple(
+            c.replace(
+                name=suffixed(short, "hat"), description=f"estimate of {short}", lower=-sp.oo, upper=sp.oo
+            )
+            for c, short in zip(self.coefficients, self.names, strict=True)
+        )
+
 
 @checked
 def regression(block: Block, coefficients: Sequence[str] | None = None) -> Regression:
@@ -86,18 +96,8 @@ def regression(block: Block, coefficients: Sequence[str] | None = None) -> Regre
     ((y,), Matrix([[u - y]]))
     """
     block.need_prompt_inputs("a regression")
-    if coefficients is None:
-        names = list(linear_parameters(block))
-        if not names:
-            raise InputError(f"block {block.name!r} is linear in none of its parameters")
-    else:
-        if isinstance(coefficients, str):
-            raise InputError(f"expected a list of coefficients, found the text {coefficients!r}")
-        names = [block.parameter(name).name for name in coefficients]
+    names = _coefficients(block, coefficients)
     parameters = {p.name: p for p in block.parameters}
-    for name in names:
-        if names.count(name) > 1:
-            raise InputError(f"block {block.name!r}: the coefficient {name!r} is given twice")
     entries = {k: block.expand(e) for k, e in partial_derivatives(block, "derivatives", names).items()}
     symbols = [parameters[name].symbol for name in names]
     for (i, j), e in sorted(entries.items(), key=lambda item: item[0]):
@@ -123,3 +123,19 @@ def regression(block: Block, coefficients: Sequence[str] | None = None) -> Regre
         tuple(block.expand(expressions[i]).xreplace(zero) for i in rows),
         sp.ImmutableMatrix(len(rows), len(names), lambda i, j: entries.get((rows[i], j), sp.S.Zero)),
     )
+
+
+def _coefficients(block: Block, given: Sequence[str] | None) -> list[str]:
+    """Return the names of the coefficients, each once."""
+    if isinstance(given, str):
+        raise InputError(f"expected a list of coefficients, found the text {given!r}")
+    if given is None:
+        names = list(linear_parameters(block))
+        if not names:
+            raise InputError(f"block {block.name!r} is linear in none of its parameters")
+        return names
+    names = [block.parameter(name).name for name in given]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f"block {block.name!r}: the coefficient {name!r} is given twice")
+    return names

@@ -6,7 +6,7 @@ be used in parameter sweeps.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import sympy as sp
@@ -17,8 +17,8 @@ from hovercontrol.base.errors import InputError
 from hovercontrol.base.tables import number, positive
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.signals import Signal, suffixed, time
-from hovercontrol.control.observers.diagonal import diagonal
-from hovercontrol.control.observers.ins.kalman import Equations, Estimate, remember
+from hovercontrol.control.observers.diagonal import diagonal, intensities
+from hovercontrol.control.observers.ins.kalman import Equations, Estimate, Memory, remember
 from hovercontrol.control.observers.regression import Regression, regression
 from hovercontrol.control.observers.sampled_step import Values, begun, corrected, predicted, rates
 
@@ -89,14 +89,7 @@ def sampled_estimator(
     step = Signal("period", "s", "of the samples, fixed", start=tick, lower=tick, upper=tick)
     since = Signal("start", "s", "when the estimator is switched on", start=float(start))
     started = Signal("begun", "1", "1 once a sample was taken in", lower=0.0, upper=1.0)
-    noise = [
-        Signal(f"R[{i},{i}]", f"({s.unit})^2*s", f"noise intensity of {s.name}", start=r, lower=0.0)
-        for i, (s, r) in enumerate(zip(model.states, diagonal("R", R, n, positive=True), strict=True))
-    ]
-    drift = [
-        Signal(f"Q[{i},{i}]", f"({s.unit})^2/s", f"disturbance intensity of {s.name}", start=q, lower=0.0)
-        for i, (s, q) in enumerate(zip(xi, diagonal("Q", Q, n + m), strict=True))
-    ]
+    noise, drift = intensities(model.states, xi, R, Q)
     memory = remember("xhat", "P", xi, diagonal("P0", P0, n + m))
     used = set().union(*(e.free_symbols for e in (*model.h, *model.G))) - {time}
     measured = [s for s in block.states if s.symbol in used or s in model.states]
@@ -107,27 +100,13 @@ def sampled_estimator(
     names = _Named(write)
     write.definitions[on.name] = sp.Piecewise((1, time >= since.symbol), (0, True))
     write.definitions[first.name] = on * (1 - started.symbol)
-    x, P = _objects(memory.estimate.x), _objects(memory.estimate.P)
-    sample = np.array([s.symbol for s in model.states], dtype=object)
-    R = np.array([s.symbol / step.symbol for s in noise], dtype=object)
-    Q = np.array(sp.diag(*(s.symbol for s in drift)), dtype=object)
-    after = predicted(x, P, *_ends(model, names, before, step.symbol), Q, step.symbol, names)
-    new, taken = (
-        Estimate(sp.Matrix(x), sp.Matrix(P))
-        for x, P in (corrected(*after, sample, R, names), begun(x, P, sample, R))
-    )
+    new, fresh = _after(model, memory, noise, drift, before, step, names)
     next_values = {
-        s.name: sp.Piecewise((fresh, first > 0), (e, on > 0), (s.symbol, True))
-        for s, e, fresh in zip(
-            memory.states,
-            memory.next_values(new).values(),
-            memory.next_values(taken).values(),
-            strict=True,
-        )
+        s.name: sp.Piecewise((fresh[s.name], first > 0), (new[s.name], on > 0), (s.symbol, True))
+        for s in memory.states
     }
-    hats = {
-        suffixed(short, "hat"): sp.Symbol(f"now_{short}", real=True) for short in model.names
-    }  # both outputs and next states
+    # both outputs and next states
+    hats = {suffixed(short, "hat"): sp.Symbol(f"now_{short}", real=True) for short in model.names}
     for short, s in zip(model.names, memory.values[n:], strict=True):
         write.definitions[f"now_{short}"] = next_values[s.name]
         next_values[s.name] = sp.Symbol(f"now_{short}", real=True)
@@ -136,12 +115,7 @@ def sampled_estimator(
         name,
         states=(started, *memory.states, *before.values()),
         inputs=(*measured, *held),
-        outputs=tuple(
-            c.replace(
-                name=suffixed(short, "hat"), description=f"estimate of {short}", lower=-sp.oo, upper=sp.oo
-            )
-            for c, short in zip(model.coefficients, model.names, strict=True)
-        ),
+        outputs=model.hats,
         parameters=(step, since, *noise, *drift, *parameters),
         derivatives={
             "begun": sp.Max(started.symbol, on),
@@ -152,6 +126,28 @@ def sampled_estimator(
         definitions=write.definitions,
         period=tick,
     )
+
+
+def _after(
+    model: Regression,
+    memory: Memory,
+    noise: Sequence[Signal],
+    drift: Sequence[Signal],
+    before: Mapping[sp.Symbol, Signal],
+    step: Signal,
+    names: _Named,
+) -> tuple[dict[str, sp.Expr], dict[str, sp.Expr]]:
+    """Return the next values of the memory by a sample, and by the first sample."""
+    x, P = _objects(memory.estimate.x), _objects(memory.estimate.P)
+    sample = np.array([s.symbol for s in model.states], dtype=object)
+    R = np.array([s.symbol / step.symbol for s in noise], dtype=object)
+    Q = np.array(sp.diag(*(s.symbol for s in drift)), dtype=object)
+    after = predicted(x, P, *_ends(model, names, before, step.symbol), Q, step.symbol, names)
+    new, fresh = (
+        memory.next_values(Estimate(sp.Matrix(x), sp.Matrix(P)))
+        for x, P in (corrected(*after, sample, R, names), begun(x, P, sample, R))
+    )
+    return new, fresh
 
 
 class _Named:

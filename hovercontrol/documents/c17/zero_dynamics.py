@@ -53,6 +53,21 @@ class MotionCriteria:
 MOTION = MotionCriteria()
 
 
+#: Labels of the predicted and of the simulated regions.
+PREDICTED = {
+    "nose": "nose-first straight motion is stable",
+    "stern": "stern-first straight motion is stable",
+    "bounded": "Theorem 4, (24) corrected: yaw rate bounded",
+    "printed": "Theorem 4, (24) as printed",
+}
+SIMULATED = {
+    "nose": "simulated: goes nose-first",
+    "stern": "simulated: goes stern-first",
+    "unsettled": "simulated: not settled on a side",
+    "bounded": "simulated: does not spin away",
+    "theorem": PREDICTED["bounded"],
+}
+
 #: Runge-Kutta's step [s]; a twentieth where theory and simulation disagree.
 STEP = 0.005
 
@@ -114,11 +129,8 @@ def arm_region(
     model = c17_simulation() if model is None else model
     x = axis("arm", "m", arm, points, "rudder arm a (negative: ahead of the centre of mass)")
     y = axis("control_point", "m", control_point, points, "control point delta_x")
-    mass, inertia, duration = (
-        positive("mass", mass),
-        positive("inertia", inertia),
-        positive("duration", duration),
-    )
+    mass, inertia = positive("mass", mass), positive("inertia", inertia)
+    duration = positive("duration", duration)
     if not math.isfinite(number("heading", heading)):
         raise InputError(f"heading must be finite, found {heading!r}")
     reference, gain = c17_ellipse(), model.coefficients()["thrust"] * mass / inertia
@@ -137,25 +149,23 @@ def arm_region(
     starts = [on_reference(reference, d, heading) for d in y.values]
     start = {name: np.repeat([s[name] for s in starts], points) for name in starts[0]}
     late = 2 / 3 * duration  # a start off the stable side may turn fast at first
-    options: dict[str, Any] = {"x0": start, "start": late, "method": "rk4", "step": STEP}
+    options: dict[str, Any] = {"start": late, "method": "rk4", "executor": executor}
     times = np.linspace(0.0, duration, 1 + max(2, round(10 * duration)))
     kept = subfolder(checkpoint, "all")
     runs = sweep_map(
-        loop, x, y, params, times, executor=executor, checkpoint=kept, progress=progress, **options
+        loop, x, y, params, times, checkpoint=kept, progress=progress, x0=start, step=STEP, **options
     )
     bounded = _bounded(runs)
     doubtful = np.flatnonzero(theory.bounded & ~bounded)  # near a dx = J/m the loop is too fast for the step
     if doubtful.size:
-        options |= {"x0": {name: v[doubtful] for name, v in start.items()}, "step": STEP / 20}
         fine, kept = params(*(g[doubtful] for g in grid)), subfolder(checkpoint, "doubtful")
-        again = loop.sweep(times, params=fine, executor=executor, checkpoint=kept, **options)
+        x0 = {name: v[doubtful] for name, v in start.items()}
+        again = loop.sweep(times, params=fine, checkpoint=kept, x0=x0, step=STEP / 20, **options)
         bounded[doubtful] = _bounded(again)
         for figure in ("final", "maximum", "minimum"):
             getattr(runs["facing"], figure)[doubtful] = getattr(again["facing"], figure)
     facing, moved = runs["facing"].final, runs["facing"].maximum - runs["facing"].minimum
     settled = bounded & (np.abs(facing) > MOTION.facing) & (moved <= MOTION.settled)
-    shape = (points, points)
-    lines = {"a dx = J/m: B of (21) has no inverse": _singular_line(x, y, inertia / mass)}
     predicted = {n: getattr(theory, n) for n in ("nose", "stern", "bounded", "printed")}
     judged = {
         "nose": settled & (facing > 0),
@@ -164,39 +174,16 @@ def arm_region(
         "bounded": bounded,
         "theorem": theory.bounded,
     }
-    marks = {"C17 simulation": (0.14, 0.2)}
-    labels = {
-        "nose": "nose-first straight motion is stable",
-        "stern": "stern-first straight motion is stable",
-        "bounded": "Theorem 4, (24) corrected: yaw rate bounded",
-        "printed": "Theorem 4, (24) as printed",
+    drawn = {
+        "lines": {"a dx = J/m: B of (21) has no inverse": _singular_line(x, y, inertia / mass)},
+        "marks": {"C17 simulation": (0.14, 0.2)},
     }
-    said = {
-        "nose": "simulated: goes nose-first",
-        "stern": "simulated: goes stern-first",
-        "unsettled": "simulated: not settled on a side",
-        "bounded": "simulated: does not spin away",
-        "theorem": labels["bounded"],
-    }
+    predicted, judged = (
+        {n: v.reshape(points, points) for n, v in found.items()} for found in (predicted, judged)
+    )
     return (
-        Region(
-            "C17 Theorem 4 and the linearisation",
-            x,
-            y,
-            {n: v.reshape(shape) for n, v in predicted.items()},
-            labels=labels,
-            lines=lines,
-            marks=marks,
-        ),
-        Region(
-            f"C17: simulated {duration:g} s along the ellipse",
-            x,
-            y,
-            {n: v.reshape(shape) for n, v in judged.items()},
-            labels=said,
-            lines=lines,
-            marks=marks,
-        ),
+        Region("C17 Theorem 4 and the linearisation", x, y, predicted, labels=PREDICTED, **drawn),
+        Region(f"C17: simulated {duration:g} s along the ellipse", x, y, judged, labels=SIMULATED, **drawn),
     )
 
 

@@ -143,22 +143,7 @@ def _scenario(path: Path, content: dict[str, Any]) -> Scenario:
     start = _numbers("plant.start", plant.get("start", {}))
     check_keys("state in plant.start", start, STATES)
     closed = "controller" in content
-    if closed == ("commands" in content):
-        raise InputError("expected either [controller] with [reference], or [commands]")
-    law = closed and "kind" in table("controller", content["controller"])
-    if closed and not law and "reference" not in content:
-        raise InputError("[controller] needs a [reference]")
-    for section in ("body", "guidance", "actuation", "autopilot"):
-        if section in content and not law:
-            raise InputError(f"[{section}] needs a [controller] with a kind: one of {', '.join(LAWS)}")
-    for section in ("reference", "estimator"):
-        if section in content and law:
-            raise InputError(
-                f"[{section}] is not used by controller.kind = {content['controller']['kind']!r}"
-            )
-    for section in ("sampling", "actuation"):
-        if section in content and "autopilot" in content:
-            raise InputError(f"[{section}] and [autopilot] exclude each other: the autopilot has its own")
+    _check_sections(content, closed=closed)
     scenario = Scenario(
         name=path.stem,
         title=head.get("title", path.stem),
@@ -181,13 +166,38 @@ def _scenario(path: Path, content: dict[str, Any]) -> Scenario:
         else None,
         metrics=_metrics(content),
     )
+    _check_adaptation(scenario)
+    return scenario
+
+
+def _check_sections(content: dict[str, Any], *, closed: bool) -> None:
+    """Raise if sections are missing, or exclude each other."""
+    if closed == ("commands" in content):
+        raise InputError("expected either [controller] with [reference], or [commands]")
+    law = closed and "kind" in table("controller", content["controller"])
+    if closed and not law and "reference" not in content:
+        raise InputError("[controller] needs a [reference]")
+    for section in ("body", "guidance", "actuation", "autopilot"):
+        if section in content and not law:
+            raise InputError(f"[{section}] needs a [controller] with a kind: one of {', '.join(LAWS)}")
+    for section in ("reference", "estimator"):
+        if section in content and law:
+            raise InputError(
+                f"[{section}] is not used by controller.kind = {content['controller']['kind']!r}"
+            )
+    for section in ("sampling", "actuation"):
+        if section in content and "autopilot" in content:
+            raise InputError(f"[{section}] and [autopilot] exclude each other: the autopilot has its own")
+
+
+def _check_adaptation(scenario: Scenario) -> None:
+    """Raise if the controller adapts what no estimator estimates."""
     adapt = (scenario.controller or {}).get("adapt", [])
     if adapt and scenario.estimator is None:
         raise InputError("controller.adapt needs an [estimator]")
     for name in adapt:
         if name not in (scenario.estimator or {}).get("estimate", [name]):
             raise InputError(f"controller.adapt: {name!r} is not in estimator.estimate")
-    return scenario
 
 
 def _controller(content: Mapping[str, Any]) -> dict[str, Any]:

@@ -202,9 +202,10 @@ def facts(
         name: "command" if name in inputs else "measured" if name in known else "other"
         for name in log.columns
     }
-    measured = [name for name, kind in kinds.items() if kind == "measured"] or [
-        name for name, kind in kinds.items() if kind == "other"
-    ]
+    measured, other = (
+        [name for name, kind in kinds.items() if kind == sought] for sought in ("measured", "other")
+    )
+    measured = measured or other
     corrected = corrections(log)
     navigated = NAVIGATION.least <= corrected.size <= NAVIGATION.most * len(log)
     if craft is None:  # other systems may be slow or fast
@@ -220,11 +221,7 @@ def facts(
         for name, kind in kinds.items()
     )
     timing = [_timing(name, Log(name, stamps, {}), []) for name, stamps in (files or {}).items()]
-    if not timing:
-        seen = np.zeros(len(log), dtype=bool)
-        for name in measured:
-            seen |= np.isfinite(log[name])
-        timing = [_timing(log.name, log.select(seen) if seen.any() else log, measured)]
+    timing = timing or [_timing_of_measured(log, measured)]
     if navigated and not remarks:
         apart = float(np.median(np.diff(log.time[corrected])))
         remarks.append(
@@ -232,6 +229,14 @@ def facts(
             f"there: output of a navigation with position fixes; between fixes its velocities drift"
         )
     return LogFacts(log, tuple(timing), columns, rejected, (*notes, *remarks))
+
+
+def _timing_of_measured(log: Log, measured: Sequence[str]) -> Timing:
+    """Return the timing of the rows in which something is measured."""
+    seen = np.zeros(len(log), dtype=bool)
+    for name in measured:
+        seen |= np.isfinite(log[name])
+    return _timing(log.name, log.select(seen) if seen.any() else log, measured)
 
 
 def _read(

@@ -164,125 +164,215 @@ def write_bank(
         1 at the tick of an alarm, and the number of the window that raised it. Window 0 begins anew then;
         if it raised the alarm, window 1 takes over its start.
     """
-    n, m, J = len(plant), len(steps), len(forced)
     root = [write.define(f"root_share[{i}]", sp.sqrt(s.share)) for i, s in enumerate(steps)]
     seen = [write.define(f"whitened[{i}]", s.innovation * root[i]) for i, s in enumerate(steps)]
-    most = sp.Float(LIMIT)
-    limited = []
-    for i, (e, every) in enumerate(zip(seen, many, strict=True)):
-        held = sp.Piecewise((e, every > sp.S.Half), (sp.Max(-most, sp.Min(e, most)), True))
-        limited.append(write.define(f"limited[{i}]", held))
-    # columns of the update of the error, and rows of the innovations by the error before the tick
-    etas, afters = zip(
-        *(through(write, f"unit_{k}", steps, sp.eye(n)[:, k], [sp.S.Zero] * m) for k in range(n)), strict=True
+    limited = [
+        write.define(f"limited[{i}]", _limited(e, every))
+        for i, (e, every) in enumerate(zip(seen, many, strict=True))
+    ]
+    A, M, C = _of_error_before(write, steps, root, Phi)
+    memory = _Memory([], {})
+    moved = _moved(write, memory, windows, first, raised, best_window, jump=jump, hold=hold)
+    columns = [
+        _column(write, memory, j, plant, steps, root, Phi, M, C, forced[j], bias[j])
+        for j in range(len(forced))
+    ]
+    found = [
+        _window(write, memory, w, plant, M, C, columns, seen, limited, dispersion) for w in range(windows)
+    ]
+    for w, window in enumerate(found):
+        for key, value in window.values.items():
+            earlier = found[w - 1].values[key.replace(f"[{w}", f"[{w - 1}", 1)] if w else window.fresh[key]
+            memory.following[key] = sp.Piecewise((earlier, moved[w] > sp.S.Half), (value, True))
+
+    def by_candidate(key: str) -> list[list[sp.Expr]]:
+        return [[w.values[f"{key}[{k},{j}]"] for k, w in enumerate(found)] for j in range(len(columns))]
+
+    return Bank(
+        states=tuple(memory.states),
+        next_values=memory.following,
+        score=by_candidate("b"),
+        limited_score=by_candidate("limited_b"),
+        information=by_candidate("J"),
+        energy=[w.values[f"energy[{k}]"] for k, w in enumerate(found)],
+        age=[w.values[f"age[{k}]"] for k, w in enumerate(found)],
+        columns=[c.s for c in columns],
+        after=[c.after for c in columns],
+        begun=[w.begun for w in found],
+        Psi=[w.Psi for w in found],
+        pushes=[c.push for c in columns],
+        jolts=[c.jolt for c in columns],
+        A=A,
+        M=M,
+        C=C,
+        whitened=seen,
+        limited=limited,
+        own=[c.own for c in columns],
+        dispersion=list(dispersion),
     )
-    C = write.matrix("C", sp.Matrix(m, n, lambda i, k: root[i] * etas[k][i]))
-    A = sp.Matrix.hstack(*afters)
-    M = write.matrix("M", Phi * A)
-    states: list[Signal] = []
-    following: dict[str, sp.Expr] = {}
 
-    def state(name: str, unit: str, text: str, start: float = 0.0) -> sp.Symbol:
-        s = Signal(name, unit, text, start=start)
-        states.append(s)
-        return s.symbol
 
-    count = state("count", "1", "ticks, modulo the longest cycle of the windows")
+@dataclass(frozen=True)
+class _Memory:
+    """States of the bank, and their values after the tick."""
+
+    states: list[Signal]
+    following: dict[str, sp.Expr]
+
+    def state(self, name: str, unit: str, text: str, start: float = 0.0) -> sp.Symbol:
+        self.states.append(Signal(name, unit, text, start=start))
+        return self.states[-1].symbol
+
+    def column(self, name: str, plant: Sequence[Signal], text: str) -> sp.Matrix:
+        """Return states in the units of the filter's; {} in the text is the filter's state."""
+        rows = enumerate(plant)
+        return sp.Matrix([self.state(f"{name}{i}]", p.unit, text.format(i, p.name)) for i, p in rows])
+
+
+@dataclass(frozen=True)
+class _Column:
+    """s of a candidate before and after the tick, its push and jolt, and eta since the start."""
+
+    s: sp.Matrix
+    after: sp.Matrix
+    push: sp.Matrix
+    jolt: sp.Matrix
+    own: list[sp.Expr]
+
+
+@dataclass(frozen=True)
+class _Window:
+    """Values of a window's states after the tick: as they go on, and for a new start."""
+
+    values: dict[str, sp.Expr]
+    fresh: dict[str, sp.Expr]
+    begun: list[sp.Matrix]
+    Psi: sp.Matrix
+
+
+def _limited(innovation: sp.Expr, unlimited: sp.Expr) -> sp.Expr:
+    most = sp.Float(LIMIT)
+    within = sp.Max(-most, sp.Min(innovation, most))
+    return sp.Piecewise((innovation, unlimited > sp.S.Half), (within, True))
+
+
+def _of_error_before(
+    write: Equations, steps: Sequence[Correction], root: Sequence[sp.Expr], Phi: sp.Matrix
+) -> tuple[sp.Matrix, sp.Matrix, sp.Matrix]:
+    """Write A, M and C: the updates of each unit vector of the error before the tick."""
+    n, m = Phi.rows, len(steps)
+    units = [through(write, f"unit_{k}", steps, sp.eye(n)[:, k], [sp.S.Zero] * m) for k in range(n)]
+    C = write.matrix("C", sp.Matrix(m, n, lambda i, k: root[i] * units[k][0][i]))
+    A = sp.Matrix.hstack(*(after for _, after in units))
+    return A, write.matrix("M", Phi * A), C
+
+
+def _moved(
+    write: Equations,
+    memory: _Memory,
+    windows: int,
+    first: int,
+    raised: sp.Expr,
+    best_window: sp.Expr,
+    *,
+    jump: sp.Expr,
+    hold: sp.Expr,
+) -> list[sp.Symbol]:
+    """Write for each window whether it takes over a new start at this tick: 1 or 0."""
+    half = sp.S.Half
+    count = memory.state("count", "1", "ticks, modulo the longest cycle of the windows")
     longest = first * 2 ** (windows - 1)
     now = write.define("count_now", count + 1)
-    following["count"] = sp.Piecewise((sp.S.Zero, now > longest - sp.S.Half), (now, True))
+    memory.following["count"] = sp.Piecewise((sp.S.Zero, now > longest - half), (now, True))
     moved = []
     for w in range(windows):
         cycle = first * 2**w
         rest = now - cycle * sp.floor(now / cycle)
-        at_alarm = {
-            0: [(1, raised > sp.S.Half)],
-            1: [(1, sp.And(raised > sp.S.Half, best_window < sp.S.Half))],
-        }
-        pairs = [*at_alarm.get(w, []), (0, hold > sp.S.Half)]
-        pairs += [(1, jump > sp.S.Half)] if w == 0 else []
-        pairs += [(1, rest < sp.S.Half), (0, True)]
+        at_alarm = {0: [(1, raised > half)], 1: [(1, sp.And(raised > half, best_window < half))]}
+        pairs = [*at_alarm.get(w, []), (0, hold > half)]
+        pairs += [(1, jump > half)] if w == 0 else []
+        pairs += [(1, rest < half), (0, True)]
         moved.append(write.define(f"moved[{w}]", sp.Piecewise(*pairs, evaluate=False)))
+    return moved
 
-    columns, own, after, pushes, jolts = [], [], [], [], []
-    for j in range(J):
-        s = sp.Matrix(
-            [state(f"s[{j},{i}]", p.unit, f"error of {p.name} by candidate {j}") for i, p in enumerate(plant)]
-        )
-        columns.append(s)
-        push, jolt = forced[j], sp.zeros(m, 1)
-        if any(b != 0 for b in bias[j]):
-            shift, lost = through(write, f"bias_{j}", steps, sp.zeros(n, 1), bias[j])
-            jolt = write.matrix(f"jolt_{j}", sp.Matrix([root[i] * e for i, e in enumerate(shift)]))
-            push = write.matrix(f"push_{j}", push + Phi * lost)
-        pushes.append(push)
-        jolts.append(jolt)
-        own.append([write.define(f"eta[{j},{i}]", e) for i, e in enumerate(C * s + jolt)])
-        new = write.matrix(f"s_next_{j}", M * s + push)
-        after.append(new)
-        following |= {f"s[{j},{i}]": new[i] for i in range(n)}
 
-    score: list[list[sp.Expr]] = [[] for _ in range(J)]
-    robust: list[list[sp.Expr]] = [[] for _ in range(J)]
-    information: list[list[sp.Expr]] = [[] for _ in range(J)]
-    age: list[sp.Expr] = []
-    energy: list[sp.Expr] = []
-    starts: list[list[sp.Matrix]] = []
-    Psis: list[sp.Matrix] = []
-    before: dict[str, sp.Expr] = {}
-    for w in range(windows):
-        Psi = sp.Matrix(
-            n, n,
-            lambda i, k, w=w: state(
-                f"Psi[{w},{i},{k}]", f"({plant[i].unit})/({plant[k].unit})", "transition of the error",
-                1.0 if i == k else 0.0,
-            ),
-        )  # fmt: skip
-        R = write.matrix(f"R_{w}", C * Psi)
-        Psi_next = write.matrix(f"Psi_next_{w}", M * Psi)
-        old = write.define(
-            f"age_now[{w}]", state(f"age[{w}]", "1", f"ticks since the start of window {w}") + 1
-        )
-        age.append(old)
-        Psis.append(Psi_next)
-        starts.append([])
-        spent = state(f"energy[{w}]", "1", f"sum of squares of the innovations in window {w}")
-        energy.append(write.define(f"energy_now[{w}]", spent + sum(e**2 for e in seen)))
-        values = {f"age[{w}]": old, f"energy[{w}]": energy[w]}
-        values |= {f"Psi[{w},{i},{k}]": Psi_next[i, k] for i in range(n) for k in range(n)}
-        fresh: dict[str, sp.Expr] = {f"age[{w}]": sp.S.Zero, f"energy[{w}]": sp.S.Zero}
-        fresh |= {f"Psi[{w},{i},{k}]": sp.eye(n)[i, k] for i in range(n) for k in range(n)}
-        for j in range(J):
-            begun = sp.Matrix(
-                [
-                    state(f"begun[{w},{j},{i}]", p.unit, f"s[{j},{i}] at the start of window {w}")
-                    for i, p in enumerate(plant)
-                ]
-            )
-            starts[w].append(begun)
-            eta = [write.define(f"eta[{w},{j},{i}]", own[j][i] - (R[i, :] * begun)[0]) for i in range(m)]
-            b = state(f"b[{w},{j}]", "1", f"score of candidate {j} in window {w}")
-            info = state(f"J[{w},{j}]", "1", f"information on candidate {j} in window {w}")
-            b_limited = state(f"limited_b[{w},{j}]", "1", f"b[{w},{j}] of limited innovations")
-            phi, one = dispersion[j], list(zip(eta, seen, limited, strict=True))
-            b_now = write.define(f"b_now[{w},{j}]", b + sum(e * x for e, x, _ in one) / phi)
-            limited_now = write.define(
-                f"limited_now[{w},{j}]", b_limited + sum(e * x for e, _, x in one) / phi
-            )
-            J_now = write.define(f"J_now[{w},{j}]", info + sum(e**2 for e in eta) / phi)
-            score[j].append(b_now)
-            robust[j].append(limited_now)
-            information[j].append(J_now)
-            values |= {f"b[{w},{j}]": b_now, f"limited_b[{w},{j}]": limited_now, f"J[{w},{j}]": J_now}
-            values |= {f"begun[{w},{j},{i}]": begun[i] for i in range(n)}
-            fresh |= {f"{key}[{w},{j}]": sp.S.Zero for key in ("b", "limited_b", "J")}
-            fresh |= {f"begun[{w},{j},{i}]": after[j][i] for i in range(n)}
-        taken = before if w else fresh
-        for key, value in values.items():
-            earlier = taken[key.replace(f"[{w}", f"[{w - 1}", 1)] if w else taken[key]
-            following[key] = sp.Piecewise((earlier, moved[w] > sp.S.Half), (value, True))
-        before = values
-    return Bank(
-        tuple(states), following, score, robust, information, energy, age, columns, after, starts, Psis,
-        pushes, jolts, A, M, C, seen, limited, own, list(dispersion),
+def _column(
+    write: Equations,
+    memory: _Memory,
+    j: int,
+    plant: Sequence[Signal],
+    steps: Sequence[Correction],
+    root: Sequence[sp.Expr],
+    Phi: sp.Matrix,
+    M: sp.Matrix,
+    C: sp.Matrix,
+    forced: sp.Matrix,
+    bias: Sequence[sp.Expr],
+) -> _Column:
+    """Write a candidate's column: ``eta = C s + jolt, s <- M s + push``."""
+    s = memory.column(f"s[{j},", plant, f"error of {{1}} by candidate {j}")
+    push, jolt = forced, sp.zeros(len(steps), 1)
+    if any(b != 0 for b in bias):
+        shift, lost = through(write, f"bias_{j}", steps, sp.zeros(len(plant), 1), bias)
+        jolt = write.matrix(f"jolt_{j}", sp.Matrix([r * e for r, e in zip(root, shift, strict=True)]))
+        push = write.matrix(f"push_{j}", push + Phi * lost)
+    own = [write.define(f"eta[{j},{i}]", e) for i, e in enumerate(C * s + jolt)]
+    after = write.matrix(f"s_next_{j}", M * s + push)
+    memory.following.update({f"s[{j},{i}]": e for i, e in enumerate(after)})
+    return _Column(s, after, push, jolt, own)
+
+
+def _window(
+    write: Equations,
+    memory: _Memory,
+    w: int,
+    plant: Sequence[Signal],
+    M: sp.Matrix,
+    C: sp.Matrix,
+    columns: Sequence[_Column],
+    seen: Sequence[sp.Expr],
+    limited: Sequence[sp.Expr],
+    dispersion: Sequence[sp.Expr],
+) -> _Window:
+    """Write a window's transition matrix, age, energy, and the sums b, limited b and J of each candidate."""
+    n = len(plant)
+    Psi = sp.Matrix(
+        n, n,
+        lambda i, k: memory.state(
+            f"Psi[{w},{i},{k}]", f"({plant[i].unit})/({plant[k].unit})", "transition of the error",
+            1.0 if i == k else 0.0,
+        ),
     )  # fmt: skip
+    R = write.matrix(f"R_{w}", C * Psi)
+    after = write.matrix(f"Psi_next_{w}", M * Psi)
+    age = memory.state(f"age[{w}]", "1", f"ticks since the start of window {w}")
+    age = write.define(f"age_now[{w}]", age + 1)
+    energy = memory.state(f"energy[{w}]", "1", f"sum of squares of the innovations in window {w}")
+    energy = write.define(f"energy_now[{w}]", energy + sum(e**2 for e in seen))
+    values = {f"age[{w}]": age, f"energy[{w}]": energy}
+    values |= {f"Psi[{w},{i},{k}]": after[i, k] for i in range(n) for k in range(n)}
+    fresh: dict[str, sp.Expr] = {f"age[{w}]": sp.S.Zero, f"energy[{w}]": sp.S.Zero}
+    fresh |= {f"Psi[{w},{i},{k}]": sp.eye(n)[i, k] for i in range(n) for k in range(n)}
+    starts = []
+    for j, column in enumerate(columns):
+        begun = memory.column(f"begun[{w},{j},", plant, f"s[{j},{{0}}] at the start of window {w}")
+        starts.append(begun)
+        before = R * begun
+        eta = [write.define(f"eta[{w},{j},{i}]", e - before[i]) for i, e in enumerate(column.own)]
+        sums = {
+            "b": (f"score of candidate {j} in window {w}", _dot(eta, seen)),
+            "J": (f"information on candidate {j} in window {w}", _dot(eta, eta)),
+            "limited_b": (f"b[{w},{j}] of limited innovations", _dot(eta, limited)),
+        }
+        for key, (text, more) in sums.items():
+            value = memory.state(f"{key}[{w},{j}]", "1", text)
+            now = f"{key.removesuffix('_b')}_now[{w},{j}]"
+            values[f"{key}[{w},{j}]"] = write.define(now, value + more / dispersion[j])
+            fresh[f"{key}[{w},{j}]"] = sp.S.Zero
+        values |= {f"begun[{w},{j},{i}]": e for i, e in enumerate(begun)}
+        fresh |= {f"begun[{w},{j},{i}]": e for i, e in enumerate(column.after)}
+    return _Window(values, fresh, starts, after)
+
+
+def _dot(a: Sequence[sp.Expr], b: Sequence[sp.Expr]) -> sp.Expr:
+    return sum(x * y for x, y in zip(a, b, strict=True))

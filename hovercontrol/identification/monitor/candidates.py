@@ -20,7 +20,7 @@ from hovercontrol.base.errors import InputError, did_you_mean, shown
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.signals import Signal
 from hovercontrol.control.observers.observed import owned
-from hovercontrol.craft.effects import Effect, Shape
+from hovercontrol.craft.effects import Coefficient, Effect, Shape
 from hovercontrol.craft.models.base import shown_by
 from hovercontrol.craft.models.blockmodel import BlockModel
 from hovercontrol.craft.models.model import Model
@@ -191,9 +191,7 @@ def _of_coefficient(plant: Block, key: str, measured: Sequence[str], name: str) 
         return scale.symbol * sp.diff(block.expand(e), symbol)
 
     rates = {s.name: slope(block.derivatives[s.name]) for s in block.states}
-    outputs = [s.name for s in block.outputs]
-    values = {s.name: s.symbol for s in block.states} | dict(block.output_expressions)
-    seen = {c: slope(values[shown_by(outputs, c)]) for c in measured}
+    seen = {c: slope(_shown(block, c)) for c in measured}
     lower, upper = (
         sp.Float(b) - symbol / scale.symbol if math.isfinite(b) else sp.sympify(b)
         for b in (own.lower, own.upper)
@@ -233,18 +231,7 @@ def _against(
     scale = trial.values[key] - neutral if key else 1.0
     without, extended = owned(plant, name), owned(model.with_effects([trial]).plant(), name)
     own = {k: extended.parameter(trial.parameter(k)) for k in trial.values}
-    numbers = {
-        own[k].symbol: sp.Float(v)
-        for k, v in trial.values.items()
-        if k != key and not math.isnan(cls.numbers[k].neutral)
-    }
-    known = {p.name for p in without.parameters}
-    # effects in a sampled model bring its period, which is the monitor's
-    numbers |= {
-        p.symbol: sp.Symbol("period", real=True)
-        for p in extended.parameters
-        if p.name == f"{name}.period" and p.name not in known
-    }
+    numbers = _fixed(trial, key, own, without, extended)
     kept = [p.replace(lower=p.start, upper=p.start) for p in own.values() if p.symbol not in numbers]
     every = {p.symbol: p.start for p in extended.parameters}
     delays = {float(e.subs(every)) for e in extended.delays.values()}
@@ -262,14 +249,8 @@ def _against(
         for s in extended.states
         if s.name not in without.derivatives
     }
-    new, old = [s.name for s in extended.outputs], [s.name for s in without.outputs]
-    after = {s.name: s.symbol for s in extended.states} | dict(extended.output_expressions)
-    before = {s.name: s.symbol for s in without.states} | dict(without.output_expressions)
-    seen = {c: change(after[shown_by(new, c)], before[shown_by(old, c)]) for c in measured}
-    lower, upper = sp.S.NegativeInfinity, sp.S.Infinity
-    if number is not None:  # the least value of a lag is a little above its neutral value
-        below, above = min(number.lower - neutral, 0.0) / scale, max(number.upper - neutral, 0.0) / scale
-        lower, upper = _number(min(below, above)), _number(max(below, above))
+    seen = {c: change(_shown(extended, c), _shown(without, c)) for c in measured}
+    lower, upper = _bounds(number, scale)
     lone = sum(not math.isnan(n.neutral) for n in cls.numbers.values()) <= 1
     rates, seen, law = _nonzero(rates), _nonzero(seen), {}
     q = own[key].symbol if key else None
@@ -294,6 +275,37 @@ def _against(
         q,
         law,
     )
+
+
+def _fixed(
+    trial: Effect, key: str, own: Mapping[str, Signal], without: Block, extended: Block
+) -> dict[sp.Symbol, sp.Expr]:
+    """Return the values of an effect's other numbers."""
+    numbers = {
+        own[k].symbol: sp.Float(v)
+        for k, v in trial.values.items()
+        if k != key and not math.isnan(trial.numbers[k].neutral)
+    }
+    # effects in a sampled model bring its period, which is the monitor's
+    known, period = {p.name for p in without.parameters}, f"{extended.name}.period"
+    new = [p for p in extended.parameters if p.name == period and p.name not in known]
+    return numbers | {p.symbol: sp.Symbol("period", real=True) for p in new}
+
+
+def _bounds(number: Coefficient | None, scale: float) -> tuple[sp.Expr, sp.Expr]:
+    """Return the bounds of theta."""
+    if number is None:
+        return sp.S.NegativeInfinity, sp.S.Infinity
+    # the least value of a lag is a little above its neutral value
+    below = min(number.lower - number.neutral, 0.0) / scale
+    above = max(number.upper - number.neutral, 0.0) / scale
+    return _number(min(below, above)), _number(max(below, above))
+
+
+def _shown(block: Block, channel: str) -> sp.Expr:
+    """Return the expression of a measured channel: an output, or a state."""
+    values = {s.name: s.symbol for s in block.states} | dict(block.output_expressions)
+    return values[shown_by([s.name for s in block.outputs], channel)]
 
 
 def _slope(e: sp.Expr, q: sp.Symbol, neutral: float) -> sp.Expr:

@@ -120,78 +120,97 @@ def decide(
     )
     write.define("raised", sp.Piecewise((0, latched > sp.S.Half), (alarm, True)))
     told = alarm > sp.S.Half
-    every = []  # (g, candidate, window)
-    largest = []
-    for j, c in enumerate(candidates):
-        mine = []
-        for w, (b, info) in enumerate(zip(bank.score[j], bank.information[j], strict=True)):
-            whole = likelihood(b, info + floors[j].symbol, *limits[j])
-            g = write.define(f"g[{w},{j}]", sp.Piecewise((whole, told), (limited[j][w], True)))
-            mine.append(g)
-            every.append((g, j, w))
-        largest.append(write.define(f"evidence_{c.name}", sp.Max(*mine)))
+    scores = _scores(write, bank, floors, limits, limited, told)
+    largest = [
+        write.define(f"evidence_{c.name}", sp.Max(*row)) for c, row in zip(candidates, scores, strict=True)
+    ]
     best = write.define("evidence", sp.Max(*largest))
+    every = [(j, w) for j, row in enumerate(scores) for w in range(len(row))]
 
     def of_best(name: str, values: Sequence[sp.Expr]) -> sp.Expr:
-        pairs = [(v, g >= best) for v, (g, _, _) in zip(values[:-1], every[:-1], strict=True)]
+        pairs = [(v, scores[j][w] >= best) for v, (j, w) in zip(values[:-1], every[:-1], strict=True)]
         return write.define(name, sp.Piecewise(*pairs, (values[-1], True), evaluate=False))
 
-    at = [(j, w) for _, j, w in every]
-    which = of_best("best", [sp.Integer(j + 1) for j, _ in at])
-    b = of_best("best_b", [bank.score[j][w] for j, w in at])
-    info = of_best("best_J", [bank.information[j][w] for j, w in at])
-    of_best("best_window", [sp.Integer(w) for _, w in at])
-    age = of_best("best_age", [bank.age[w] for _, w in at])
-    energy = of_best("best_energy", [bank.energy[w] for _, w in at])
-    outputs, values = [], {}
-
-    def output(signal: Signal, value: sp.Expr) -> None:
-        outputs.append(signal)
-        values[signal.name] = value
-
-    names = [c.name for c in candidates]
-    anything = write.define("any_dead", sp.Max(*dead))
-    listed = [f"{k + 1} {n}" for k, n in enumerate(names)]
-    listed += [f"{len(names) + k + 1} {s.name}" for k, s in enumerate(channels)]
-    output(
-        Signal("alarm", "1", "1 from an alarm on until a reset, and while a sensor is dead"),
-        sp.Max(alarm, anything),
-    )
-    sensors = [(sp.Integer(len(names) + k + 1), d > sp.S.Half) for k, d in enumerate(dead)]
-    output(
-        Signal("effect", "1", f"0 none; {', '.join(listed)}; from {len(names) + 1} on: dead sensors"),
-        sp.Piecewise(*sensors, (which, told), (sp.S.Zero, True), evaluate=False),
-    )
-    output(Signal("evidence", "1", "largest g; alarm above the threshold"), best)
-    info = sp.Max(info, 1e-300)
+    which = of_best("best", [sp.Integer(j + 1) for j, _ in every])
+    b = of_best("best_b", [bank.score[j][w] for j, w in every])
+    info = sp.Max(of_best("best_J", [bank.information[j][w] for j, w in every]), 1e-300)
+    of_best("best_window", [sp.Integer(w) for _, w in every])
+    age = of_best("best_age", [bank.age[w] for _, w in every])
+    energy = of_best("best_energy", [bank.energy[w] for _, w in every])
     dof = len(channels) * age
     refined = refine(
         write, bank, plant, which, alarm, b / info, best, after, info, energy, dof, limits, sized
     )
-    scale = sp.Piecewise(
-        *((sp.Float(c.scale), which < j + 1.5) for j, c in enumerate(candidates[:-1])),
-        (sp.Float(candidates[-1].scale), True),
-        evaluate=False,
-    )
-    size = write.define("scale", scale)
-    text = "change of the named candidate's coefficient, in its SI unit"
-    output(Signal("change", "1", text), refined.theta * size)
-    output(
-        Signal("change_std", "1", "standard deviation of the change"),
-        sp.sqrt(sp.Max(0, refined.variance)) * sp.Abs(size),
-    )
-    output(
-        Signal("since", "s", "time since the estimated onset"),
-        sp.Piecewise((age * period, told), (0, True)),
-    )
+    size = write.define("scale", _scale(candidates, which))
+    outputs = _alarm_outputs(write, candidates, channels, dead, alarm, which)
+    outputs |= {
+        Signal("evidence", "1", "largest g; alarm above the threshold"): best,
+        Signal("change", "1", "change of the named candidate's coefficient, in its SI unit"): (
+            refined.theta * size
+        ),
+        Signal("change_std", "1", "standard deviation of the change"): (
+            sp.sqrt(sp.Max(0, refined.variance)) * sp.Abs(size)
+        ),
+        Signal("since", "s", "time since the estimated onset"): sp.Piecewise((age * period, told), (0, True)),
+    }
     least = write.define("least", least_evidence(best))
     for c, g in zip(candidates, largest, strict=True):
-        output(Signal(f"evidence_{c.name}", "1", f"largest g of {c.name}"), g)
+        outputs[Signal(f"evidence_{c.name}", "1", f"largest g of {c.name}")] = g
     for c, g in zip(candidates, largest, strict=True):
-        output(
-            Signal(f"possible_{c.name}", "1", f"1 if an alarm may be due to {c.name}"),
-            sp.Piecewise((1, sp.And(told, g >= least)), (0, True)),
-        )
+        possible = Signal(f"possible_{c.name}", "1", f"1 if an alarm may be due to {c.name}")
+        outputs[possible] = sp.Piecewise((1, sp.And(told, g >= least)), (0, True))
     for s, d in zip(channels, dead, strict=True):
-        output(Signal(f"dead_{s.name}", "1", f"1 while no new sample of {s.name} comes"), d)
-    return Decision(tuple(outputs), values, alarm, refined)
+        outputs[Signal(f"dead_{s.name}", "1", f"1 while no new sample of {s.name} comes")] = d
+    return Decision(tuple(outputs), {s.name: e for s, e in outputs.items()}, alarm, refined)
+
+
+def _scores(
+    write: Equations,
+    bank: Bank,
+    floors: Sequence[Signal],
+    limits: Sequence[tuple[sp.Expr, sp.Expr]],
+    limited: Sequence[Sequence[sp.Expr]],
+    told: sp.Expr,
+) -> list[list[sp.Expr]]:
+    """Write g by candidate and window: of limited innovations until an alarm, of all from then on."""
+    scores = []
+    for j, (floor, limit) in enumerate(zip(floors, limits, strict=True)):
+        infos = bank.information[j]
+        whole = [
+            likelihood(b, info + floor.symbol, *limit) for b, info in zip(bank.score[j], infos, strict=True)
+        ]
+        pairs = enumerate(zip(whole, limited[j], strict=True))
+        scores.append(
+            [write.define(f"g[{w},{j}]", sp.Piecewise((all_, told), (few, True))) for w, (all_, few) in pairs]
+        )
+    return scores
+
+
+def _scale(candidates: Sequence[Candidate], which: sp.Expr) -> sp.Expr:
+    """Return the scale of the named candidate."""
+    pairs = [(sp.Float(c.scale), which < j + 1.5) for j, c in enumerate(candidates[:-1])]
+    return sp.Piecewise(*pairs, (sp.Float(candidates[-1].scale), True), evaluate=False)
+
+
+def _alarm_outputs(
+    write: Equations,
+    candidates: Sequence[Candidate],
+    channels: Sequence[Signal],
+    dead: Sequence[sp.Expr],
+    alarm: sp.Expr,
+    which: sp.Expr,
+) -> dict[Signal, sp.Expr]:
+    """Return the alarm and the number of what it names: a candidate, or a dead sensor behind them."""
+    anything = write.define("any_dead", sp.Max(*dead))
+    names = [*(c.name for c in candidates), *(s.name for s in channels)]
+    listed = ", ".join(f"{k} {n}" for k, n in enumerate(names, 1))
+    first = len(candidates) + 1
+    sensors = [(sp.Integer(first + k), d > sp.S.Half) for k, d in enumerate(dead)]
+    return {
+        Signal("alarm", "1", "1 from an alarm on until a reset, and while a sensor is dead"): (
+            sp.Max(alarm, anything)
+        ),
+        Signal("effect", "1", f"0 none; {listed}; from {first} on: dead sensors"): (
+            sp.Piecewise(*sensors, (which, alarm > sp.S.Half), (sp.S.Zero, True), evaluate=False)
+        ),
+    }

@@ -118,16 +118,10 @@ def cricket_ranges(
     places = beacons.signals()
     white = size("noise", "m", "standard deviation of a range", name, noise)
     long = offset("bias", "m", "common error of all ranges", name, bias)
-    taken = Signal(
-        "sound",
-        "1",
-        "ratio of assumed to true speed of sound",
-        start=positive(f"{name}: sound", sound),
-        lower=0.5,
-    )
-    limit = size(
-        "cone_limit", "rad", "largest cone angle at which beacons are heard; 0: no limit", name, cone_limit
-    )
+    ratio, text = positive(f"{name}: sound", sound), "ratio of assumed to true speed of sound"
+    taken = Signal("sound", "1", text, start=ratio, lower=0.5)
+    text = "largest cone angle at which beacons are heard; 0: no limit"
+    limit = size("cone_limit", "rad", text, name, cone_limit)
     late = switch("latency", "latency of one tick", latency)
     drawn = random_numbers(len(ranges), salt=name, seed=seed, prefix="random")
     x, y, psi = Signal("x", "m"), Signal("y", "m"), Signal("psi", "rad", "heading")
@@ -145,9 +139,7 @@ def cricket_ranges(
     at_x, at_y = define("unit_x", x.symbol + dx), define("unit_y", y.symbol + dy)
     measured: dict[str, sp.Symbol] = {}
     for k, (place, n) in enumerate(zip(places, drawn.values, strict=True), 1):
-        bx, by, h = (s.symbol for s in place)
-        true = define(f"distance_{k}", sp.sqrt((at_x - bx) ** 2 + (at_y - by) ** 2 + h**2))
-        angle = define(f"cone_angle_{k}", sp.atan2(sp.sqrt((at_x - bx) ** 2 + (at_y - by) ** 2), h))
+        true, angle = _to_beacon(define, k, place, at_x, at_y)
         deaf = sp.Or(unit < 0.5, sp.And(limit.symbol > 0, angle > limit.symbol))
         hears = define(f"heard_now_{k}", sp.Piecewise((0, deaf), (1, True)))
         rho = taken.symbol * true / cone_ratio(angle) + long.symbol + white.symbol * n
@@ -181,3 +173,13 @@ def cricket_ranges(
         definitions=define,
         period=seconds,
     )
+
+
+def _to_beacon(
+    define: Definitions, k: int, place: Sequence[Signal], x: sp.Expr, y: sp.Expr
+) -> tuple[sp.Symbol, sp.Symbol]:
+    """Write distance and cone angle of a beacon, seen from a unit at x, y."""
+    bx, by, h = (s.symbol for s in place)
+    across = (x - bx) ** 2 + (y - by) ** 2
+    distance = define(f"distance_{k}", sp.sqrt(across + h**2))
+    return distance, define(f"cone_angle_{k}", sp.atan2(sp.sqrt(across), h))
