@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -62,7 +63,6 @@ def check(
     Exit status 1 if a log cannot be used as it is, or a coefficient cannot be estimated.
     """
     from hovercontrol.identification.check import check as find
-    from hovercontrol.logs.gather import split_files
 
     if not logs:
         raise InputError("check: expected one or more logs")
@@ -82,25 +82,12 @@ def check(
     )
     with given.progress_bar("check", 1.0) as report:
         report(0.0, "reading logs")
-        every, written, unread = [], [], []
-        wrong: ArgumentError | None = None
-        for name in logs:
-            try:
-                every.append(read(name))
-            except InputError as error:  # what is wrong with a log is what was asked for
-                if not all(path.is_file() for path in split_files(name)):
-                    raise
-                unread.append(str(error))
-                wrong = error if isinstance(error, ArgumentError) else wrong
-                continue
-            written.append(stamps(name, every[-1], columns, period))
-        if wrong and not every:  # an option that fits none of the logs is at fault, not they
-            raise wrong
+        every, unread = _read(logs, read)
         found = find(
             subject,
-            every,
+            list(every.values()),
             fixed=given.listed(fixed, "--fixed") or [],
-            files=written,
+            files=[stamps(name, log, columns, period) for name, log in every.items()],
             unread=unread,
             progress=lambda part, what: report(0.05 + 0.9 * part, what),
         )
@@ -108,6 +95,25 @@ def check(
         files = found.save(out)
     given.show(found.text(), files, out, found.to_json() if json else None)
     return 1 if found.negative else 0
+
+
+def _read(names: list[str], read: Callable[[str], Log]) -> tuple[dict[str, Log], list[str]]:
+    """Return the logs by name, and what is wrong with those that cannot be read: it was asked for."""
+    from hovercontrol.logs.gather import split_files
+
+    found, unread = {}, []
+    wrong: ArgumentError | None = None
+    for name in names:
+        try:
+            found[name] = read(name)
+        except InputError as error:
+            if not all(path.is_file() for path in split_files(name)):
+                raise
+            unread.append(str(error))
+            wrong = error if isinstance(error, ArgumentError) else wrong
+    if wrong and not found:  # an option that fits none of the logs is at fault, not they
+        raise wrong
+    return found, unread
 
 
 def topics_of(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -13,7 +14,9 @@ from hovercontrol.base.errors import InputError
 from hovercontrol.base.files import check_folder
 
 if TYPE_CHECKING:
+    from hovercontrol.fmi.replay.plant import FmuPlant
     from hovercontrol.identification.identify.study import Study
+    from hovercontrol.logs import Log
 
 EXAMPLE = "Example: hovercontrol identify a.csv b.csv --holdout c.csv --model craft.toml --out out/identify"
 
@@ -71,19 +74,10 @@ def identify(
     kept = given.listed(fixed, "--fixed") or []
     plant = given.fmu_of("identify", model, fit, params)
     if plant is not None:
-        from hovercontrol.identification.identify.fmu import identify_fmu
-
         read = given.reader(
             plant, columns, period, bench, bench_fans, only_while, settle, missing=missing, trial=trial
         )
-        with given.progress_bar("identify", 1.0) as report:
-            logs_, held_ = ([read(name) for name in group] for group in (names, held))
-            result = identify_fmu(plant, logs_, sought, held_, report, fixed=kept)
-            files = result.save(out)
-        values = [vars(c) | {"excited": c.excited} for c in result.coefficients]
-        content = {"coefficients": values, "residual": result.residual, "converged": result.converged}
-        given.show(result.table(), files, out, content if json else None)
-        return 1 if result.negative else 0
+        return _identify_fmu(plant, read, names, held, sought, kept, out, json)
     if sample and not (logs or held or model or vehicle):
         vehicle = "c17_experiment"
     found = given.model_of("identify", model, vehicle, params)
@@ -106,17 +100,43 @@ def identify(
         files = study.save(out)
     text = study.text()
     if study.found.bent:
-        words = [*names, *(word for log in held for word in ("--holdout", log))]
         options = {
             "--model": model, "--vehicle": vehicle, "--params": params, "--columns": columns,
             "--period": period, "--bench": bench, "--while": only_while, "--frame": frame,
-            "--missing": missing, "--trial": trial,
-            "--fixed": fixed,
+            "--missing": missing, "--trial": trial, "--fixed": fixed,
         }  # fmt: skip
-        words += [word for option, value in options.items() if value for word in (option, str(value))]
-        text += f"\nto find out what is missing: hovercontrol diagnose {shlex.join(words)}"
+        text += f"\nto find out what is missing: hovercontrol diagnose {_words(names, held, options)}"
     given.show(text, files, out, _as_json(study) if json else None)
     return 1 if study.negative else 0
+
+
+def _words(names: list[str], held: list[str], options: Mapping[str, object]) -> str:
+    """Return arguments and options as a shell takes them."""
+    words = [*names, *(word for log in held for word in ("--holdout", log))]
+    words += [word for option, value in options.items() if value for word in (option, str(value))]
+    return shlex.join(words)
+
+
+def _identify_fmu(
+    plant: FmuPlant,
+    read: Callable[[str], Log],
+    names: list[str],
+    held: list[str],
+    sought: list[str] | None,
+    kept: list[str],
+    out: Path,
+    json: bool,
+) -> int:
+    from hovercontrol.identification.identify.fmu import identify_fmu
+
+    with given.progress_bar("identify", 1.0) as report:
+        logs, held_logs = ([read(name) for name in group] for group in (names, held))
+        result = identify_fmu(plant, logs, sought, held_logs, report, fixed=kept)
+        files = result.save(out)
+    values = [vars(c) | {"excited": c.excited} for c in result.coefficients]
+    content = {"coefficients": values, "residual": result.residual, "converged": result.converged}
+    given.show(result.table(), files, out, content if json else None)
+    return 1 if result.negative else 0
 
 
 def _as_json(study: Study) -> dict[str, Any]:

@@ -92,15 +92,7 @@ def monitor(
         raise InputError("monitor: expected a log, or - with --follow for standard input")
     if out is not None:
         check_folder(out)
-    if follow and (out is not None or json or frame or bench or only_while or trial or period):
-        raise InputError(
-            "monitor: --follow prints JSON lines: no --out, --json, --frame, --bench, --while, --trial or "
-            "--period"
-        )
-    if not follow and log == "-":
-        raise InputError("monitor: - is standard input: add --follow")
-    if follow and sound is None:
-        raise InputError("monitor: --follow needs --sound LOG: a sound log, for the noise and the period")
+    _check_follow(log, sound, follow, any((out, json, frame, bench, only_while, trial, period)))
     if not hold > 0.0:
         raise InputError(f"monitor: --hold: expected a positive time in seconds, found {hold:g}")
     if not false_alarms_per_hour > 0.0:
@@ -148,6 +140,19 @@ def monitor(
     else:
         print(found.text())
     return 1 if found.alarms else 0
+
+
+def _check_follow(log: str, sound: str | None, follow: bool, others: bool) -> None:
+    """Raise if --follow lacks an option, or is given beside one that it does not have."""
+    if not follow and log == "-":
+        raise InputError("monitor: - is standard input: add --follow")
+    if follow and others:
+        raise InputError(
+            "monitor: --follow prints JSON lines: no --out, --json, --frame, --bench, --while, --trial or "
+            "--period"
+        )
+    if follow and sound is None:
+        raise InputError("monitor: --follow needs --sound LOG: a sound log, for the noise and the period")
 
 
 def _follow(built: Built, log: str, columns: str, hold: float, missing: list[float]) -> int:

@@ -7,7 +7,7 @@ with Pallas and compiled by Triton.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -103,13 +103,6 @@ def kernel_runner(functions: JaxFunctions, interpret: bool = False) -> Callable[
         runs, varies = x[0].shape[0], [np.ndim(a) > 0 for a in p]
         padded = -(-runs // LANES) * LANES
 
-        def table(columns: list[Any]) -> Any:
-            columns = columns or [jnp.zeros(runs)]
-            return jnp.stack([jnp.pad(a.astype(float), (0, padded - runs), mode="edge") for a in columns])
-
-        def some(a: Any, dtype: Any) -> Any:
-            return jnp.asarray(a, dtype=dtype) if a.shape[-1] else jnp.zeros((*a.shape[:-1], 1), dtype=dtype)
-
         own = [jnp.asarray(a) for a, v in zip(p, varies, strict=True) if v]
         same = jnp.stack(
             [jnp.asarray(0.0 if v else a, dtype=float) for a, v in zip(p, varies, strict=True)]
@@ -122,10 +115,26 @@ def kernel_runner(functions: JaxFunctions, interpret: bool = False) -> Callable[
             interpret=interpret,
             out_shape=tuple(jax.ShapeDtypeStruct(s, float) for s in shapes),
             compiler_params=None if interpret else triton.CompilerParams(num_warps=1),
-        )(table(list(x)), table(own), same, plan.t, plan.h, some(plan.u, float), some(plan.due, np.int32))
+        )(
+            _table(x, runs, padded), _table(own, runs, padded), same, plan.t, plan.h,
+            _columns(plan.u, float), _columns(plan.due, np.int32),
+        )  # fmt: skip
         return tuple(kept[:, k, :runs] for k in range(n_outputs)), tuple(a[:runs] for a in last)
 
     return run
+
+
+def _table(columns: Sequence[Any], runs: int, padded: int) -> Any:
+    """Return the columns of all runs as rows of an array, the last run repeated; at least one row."""
+    jnp = need_jax()
+    rows = columns or [jnp.zeros(runs)]
+    return jnp.stack([jnp.pad(a.astype(float), (0, padded - runs), mode="edge") for a in rows])
+
+
+def _columns(values: Any, dtype: Any) -> Any:
+    """Return an array with at least one column: a kernel takes no empty one."""
+    jnp, shape = need_jax(), (*values.shape[:-1], max(values.shape[-1], 1))
+    return jnp.asarray(values, dtype=dtype) if values.shape[-1] else jnp.zeros(shape, dtype=dtype)
 
 
 def _rk4(functions: JaxFunctions) -> Callable[..., State]:

@@ -142,10 +142,7 @@ def mpc(
     block = plant_of(name, plant)
     states, inputs = [s.name for s in block.states], [s.name for s in block.inputs]
     points = None if waypoints is None else points_of(name, waypoints)
-    if points is None and weights is None:
-        raise InputError(f"{name}: weights: expected weights by name; only with waypoints are they suggested")
-    for what, number in (("speed", speed), ("acceptance", acceptance), ("final", final)):
-        positive(f"{name}: {what}", number)
+    _check_arguments(name, weights, points, speed=speed, acceptance=acceptance, final=final)
     at = states.index(heading) if heading in states else -1
 
     def stage_with(period: float, substeps: int | None) -> Stage:
@@ -172,6 +169,15 @@ def mpc(
     costs = _costs(name, states, inputs, weights, rate_weights or {})
     way = None if points is None else WayReference(stage, points, speed, times.stop, at)
     return MPC(stage, horizon, costs, final, way, acceptance, solver, name)
+
+
+def _check_arguments(
+    name: str, weights: Mapping[str, float] | None, points: Array | None, **numbers: float
+) -> None:
+    if points is None and weights is None:
+        raise InputError(f"{name}: weights: expected weights by name; only with waypoints are they suggested")
+    for what, number in numbers.items():
+        positive(f"{name}: {what}", number)
 
 
 def _costs(

@@ -7,7 +7,6 @@ effects, so that a model with other drag needs no other controller.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from types import SimpleNamespace
 
@@ -15,7 +14,7 @@ import sympy as sp
 
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError, check_known, shown
-from hovercontrol.base.tables import number, positive
+from hovercontrol.base.tables import finite, positive
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.signals import Signal
 from hovercontrol.control.controllers.references import OUTPUTS as REFERENCE
@@ -86,14 +85,12 @@ def tracking_controller(
     for key, gain in (("k1", k1), ("k2", k2)):
         positive(f"controller: {key}", gain)
     for key, value in (("control_point", control_point), ("control_point_side", control_point_side)):
-        if not math.isfinite(number(f"controller: {key}", value)):
-            raise InputError(f"controller: {key} must be finite, found {value:g}")
+        finite(f"controller: {key}", value)
     force, B, s = affine_dynamics(model, name)
     _refuse_singular(model, name, B, control_point)
     dx = Signal("control_point", "m", "delta_x: tracking point ahead of the centre", start=control_point)
-    dy = Signal(
-        "control_point_side", "m", "delta_y: to the left of the centre line", start=control_point_side
-    )
+    text = "delta_y: to the left of the centre line"
+    dy = Signal("control_point_side", "m", text, start=control_point_side)
     gains = (
         Signal("k1", "1/s^2", "position gain", start=k1, lower=0.0),
         Signal("k2", "1/s", "velocity gain", start=k2, lower=0.0),
@@ -127,8 +124,7 @@ def tracking_controller(
         outputs=(
             model.thrust,
             model.rudder,
-            Signal("error_x", "m", "tracking error of the control point"),
-            Signal("error_y", "m", "tracking error of the control point"),
+            *(Signal(f"error_{axis}", "m", "tracking error of the control point") for axis in "xy"),
         ),
         parameters=(
             dx,

@@ -420,25 +420,12 @@ class BlockModel(EffectModel):
         derivatives = {name: e.xreplace(swap) for name, e in block.derivatives.items()}
         limit = rate_limit(self.name, fastest)
         motion = self._motion(way.thrusts, limit)
-        own: dict[Signal, sp.Expr] = dict(lags)
-        for e in self.effects:
-            own |= e.states(e.symbols(self.name), motion)
-            for state, term in e.terms(e.symbols(self.name), motion).items():
-                check_known(state, derivatives, f"effect {e.name}: {self.name!r} has no state {state!r}")
-                derivatives[state] += step.symbol * term if step else term
-        if step:
-            own = {s: next_value(s, rate, step.symbol) for s, rate in own.items()}
+        own = self._add_terms(derivatives, lags, motion, step)
         used = set().union(
             *(e.free_symbols for e in (*derivatives.values(), *own.values(), *memory.values()))
         )
         derivatives |= {s.name: e for s, e in (own | memory).items()}
-        seen = self._seen()
-        changed = {
-            s: getattr(seen, s.name)
-            for s in block.outputs
-            if getattr(seen, s.name) != getattr(seen.true, s.name)
-        }
-        measured = {as_measured(s): e for s, e in changed.items()}
+        measured = self._changed_outputs(block)
         shown = {
             s.name: block.output_expressions[s.name].xreplace(swap)
             for s in block.outputs
@@ -460,6 +447,28 @@ class BlockModel(EffectModel):
             return block.unchecked(**parts)
         delays = {} if late or step else delays_of(self.timing(), block.inputs, self.coefficients())
         return Block(block.name, inputs=block.inputs, delays=delays, period=block.period, **parts)
+
+    def _add_terms(
+        self,
+        derivatives: dict[str, sp.Expr],
+        lags: Mapping[Signal, sp.Expr],
+        motion: SimpleNamespace,
+        step: Signal | None,
+    ) -> dict[Signal, sp.Expr]:
+        """Add the effects' terms to the derivatives; return the equations of the effects' own states."""
+        own = dict(lags)
+        for e in self.effects:
+            own |= e.states(e.symbols(self.name), motion)
+            for state, term in e.terms(e.symbols(self.name), motion).items():
+                check_known(state, derivatives, f"effect {e.name}: {self.name!r} has no state {state!r}")
+                derivatives[state] += step.symbol * term if step else term
+        return {s: next_value(s, rate, step.symbol) for s, rate in own.items()} if step else own
+
+    def _changed_outputs(self, block: Block) -> dict[Signal, sp.Expr]:
+        """Return the outputs that effects of sensors change, as measured."""
+        seen = self._seen()
+        pairs = [(s, getattr(seen, s.name)) for s in block.outputs]
+        return {as_measured(s): e for s, e in pairs if e != getattr(seen.true, s.name)}
 
     def _remembered(
         self, way: SimpleNamespace, lags: dict[Signal, sp.Expr], step: Signal

@@ -198,10 +198,8 @@ def facts(
     (50.0, [('r', 'rad/s', 0.01)])
     """
     known = {**UNITS, **(units or {})}
-    kinds = {
-        name: "command" if name in inputs else "measured" if name in known else "other"
-        for name in log.columns
-    }
+    of_known = {**dict.fromkeys(known, "measured"), **dict.fromkeys(inputs, "command")}
+    kinds = {name: of_known.get(name, "other") for name in log.columns}
     measured, other = (
         [name for name, kind in kinds.items() if kind == sought] for sought in ("measured", "other")
     )

@@ -226,17 +226,14 @@ def _against(
     cls = type(trial)
     if key:
         trial = trial.within_bounds(**{**trial.neutral().values, key: trial.values[key]})
-    number = cls.numbers[key] if key else None
-    neutral = number.neutral if number else 0.0
-    scale = trial.values[key] - neutral if key else 1.0
+    number = cls.numbers.get(key)
+    neutral, scale = (number.neutral, trial.values[key] - number.neutral) if number else (0.0, 1.0)
     without, extended = owned(plant, name), owned(model.with_effects([trial]).plant(), name)
     own = {k: extended.parameter(trial.parameter(k)) for k in trial.values}
     numbers = _fixed(trial, key, own, without, extended)
     kept = [p.replace(lower=p.start, upper=p.start) for p in own.values() if p.symbol not in numbers]
-    every = {p.symbol: p.start for p in extended.parameters}
-    delays = {float(e.subs(every)) for e in extended.delays.values()}
-    delay = delays.pop() if delays else 0.0
-    late = {s.symbol: sp.Symbol(f"{s.name}_late", real=True) for s in extended.inputs} if delay else {}
+    delay = _delay(extended)
+    late = _late(extended) if delay else {}
 
     def change(after: sp.Expr, before: sp.Expr) -> sp.Expr:
         return sp.sympify(extended.expand(after).xreplace(numbers).xreplace(late) - without.expand(before))
@@ -253,16 +250,14 @@ def _against(
     lower, upper = _bounds(number, scale)
     lone = sum(not math.isnan(n.neutral) for n in cls.numbers.values()) <= 1
     rates, seen, law = _nonzero(rates), _nonzero(seen), {}
-    q = own[key].symbol if key else None
+    q, unit = (own[key].symbol, own[key].unit) if key else (None, "1")
     if q is not None and not delay:
-        slopes = [sp.diff(e, q) for e in rates.values()]
-        curved = any(q in e.free_symbols for e in (*slopes, *memory.values()))
-        law = rates if curved and not seen and not neutral else {}
+        law = rates if not seen and not neutral and _curved(rates, memory, q) else {}
         if lower < 0 < upper and not memory:
             rates, seen = ({k: _slope(e, q, neutral) for k, e in some.items()} for some in (rates, seen))
     return Candidate(
         cls.name if lone else cls.parameter(key),
-        extended.parameter(cls.parameter(key)).unit if key else "1",
+        unit,
         sp.Float(neutral),
         scale,
         lower,
@@ -290,6 +285,24 @@ def _fixed(
     known, period = {p.name for p in without.parameters}, f"{extended.name}.period"
     new = [p for p in extended.parameters if p.name == period and p.name not in known]
     return numbers | {p.symbol: sp.Symbol("period", real=True) for p in new}
+
+
+def _delay(block: Block) -> float:
+    """Return the delay of a Block's inputs at its start values [s]."""
+    values = {p.symbol: p.start for p in block.parameters}
+    delays = {float(e.subs(values)) for e in block.delays.values()}
+    return delays.pop() if delays else 0.0
+
+
+def _late(block: Block) -> dict[sp.Symbol, sp.Symbol]:
+    """Return the symbols of inputs that act late."""
+    return {s.symbol: sp.Symbol(f"{s.name}_late", real=True) for s in block.inputs}
+
+
+def _curved(rates: Mapping[str, sp.Expr], memory: Mapping[Signal, sp.Expr], q: sp.Symbol) -> bool:
+    """Return whether the rates, or the effect's own states, are not linear in q."""
+    slopes = [sp.diff(e, q) for e in rates.values()]
+    return any(q in e.free_symbols for e in (*slopes, *memory.values()))
 
 
 def _bounds(number: Coefficient | None, scale: float) -> tuple[sp.Expr, sp.Expr]:

@@ -124,12 +124,8 @@ def refine(
         for i in range(n + 1)
         for k in range(i, n + 1)
     }
-    anew = write.define(
-        "anew",
-        sp.Piecewise(
-            (0, told < sp.S.Half), (1, sp.Abs(which - named.symbol) > sp.S.Half), (0, True), evaluate=False
-        ),
-    )
+    other = sp.Abs(which - named.symbol) > sp.S.Half
+    anew = write.define("anew", sp.Piecewise((0, told < sp.S.Half), (1, other), (0, True), evaluate=False))
 
     def of_named(name: str, values: Sequence[sp.Expr]) -> sp.Expr:
         if all(v == values[0] for v in values):
@@ -137,17 +133,14 @@ def refine(
         pairs = [(v, which < j + 1.5) for j, v in enumerate(values[:-1])]
         return write.define(name, sp.Piecewise(*pairs, (values[-1], True), evaluate=False))
 
-    J = range(len(bank.pushes))
     Psi, column, offset, moves, more = _columns(write, bank, plant, of_named, anew, sized)
     phi = of_named("named_dispersion", bank.dispersion)
     now = sp.Matrix([s.symbol for s in z])
     cov = sp.Matrix(n + 1, n + 1, lambda i, k: V[min(i, k), max(i, k)].symbol)
     rows, known = write.matrix("refined_rows", bank.C * Psi), write.matrix("known", bank.C * offset)
     for i, seen in enumerate(bank.whitened):
-        eta = write.define(
-            f"named_eta[{i}]",
-            (bank.C[i, :] * column)[0] + of_named(f"jolt[{i}]", [bank.jolts[j][i] for j in J]),
-        )
+        jolt = of_named(f"jolt[{i}]", [one[i] for one in bank.jolts])
+        eta = write.define(f"named_eta[{i}]", (bank.C[i, :] * column)[0] + jolt)
         row = sp.Matrix([[*rows[i, :], eta]])
         Vr = write.matrix(f"refined_{i}_Vr", cov * row.T)
         S = write.define(f"refined_{i}_S", phi + (row * Vr)[0])
@@ -159,10 +152,8 @@ def refine(
     first = write.define("theta_first", within(first, *bounds))
     amplitude = write.define("amplitude", sp.Piecewise((first, anew > sp.S.Half), (now[n], True)))
     theta = write.define("theta", within(amplitude, *bounds))
-    explained = first**2 * info
-    unexplained = sp.Max(0, energy / phi - explained - dof) + 2 * sp.sqrt(2 * dof)
-    spread = (1 + unexplained) / info
-    spread = write.define("first_variance", sp.Min(first**2, spread))
+    unexplained = sp.Max(0, energy / phi - first**2 * info - dof) + 2 * sp.sqrt(2 * dof)
+    spread = write.define("first_variance", sp.Min(first**2, (1 + unexplained) / info))
     variance = write.define("theta_variance", sp.Piecewise((spread, anew > sp.S.Half), (cov[n, n], True)))
 
     def begun(value: sp.Expr, start: sp.Expr) -> sp.Expr:

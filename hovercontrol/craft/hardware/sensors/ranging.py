@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import chain
 
 import sympy as sp
 
@@ -36,6 +37,10 @@ def unit_places(units: Sequence[Sequence[float]], slots: int = SLOTS) -> tuple[t
     if len(set(places)) < len(places):
         raise InputError(f"units: expected different positions, found {places}")
     return places
+
+
+#: What the position of a unit is called.
+MOUNT = "position of the unit, body axes"
 
 
 @checked
@@ -108,10 +113,7 @@ def cricket_ranges(
     if not isinstance(slots, int) or slots < 1:
         raise InputError(f"{name}: slots must be a positive whole number, found {slots!r}")
     mounts = [
-        tuple(
-            offset(f"unit_{k}_{axis}", "m", "position of the unit, body axes", name, value)
-            for axis, value in zip("xy", place, strict=True)
-        )
+        [offset(f"unit_{k}_{axis}", "m", MOUNT, name, value) for axis, value in zip("xy", place, strict=True)]
         for k, place in enumerate(unit_places(units, slots), 1)
     ]
     ranges, heard = range_signals(len(beacons.positions))
@@ -149,18 +151,13 @@ def cricket_ranges(
     measured["range_valid"] = define("valid_now", sp.Max(*(measured[s.name] for s in heard)))
     told = (*ranges, *(s.replace(start=0.0) for s in heard), RANGE_UNIT, _VALID)
     held = [s.replace(name=f"{s.name}_held", description=f"{s.description}, at the last tick") for s in told]
+    beside = (white, long, taken, limit, late, *cone_signals(cone, name), *drawn.parameters)
     return Block(
         name,
         states=(turn, *held, *drawn.states),
         inputs=(x, y, psi),
         outputs=told,
-        parameters=(
-            *(s for place in places for s in place),
-            *(s for mount in mounts for s in mount),
-            *(white, long, taken, limit, late),
-            *cone_signals(cone, name),
-            *drawn.parameters,
-        ),
+        parameters=(*chain(*places), *chain(*mounts), *beside),
         derivatives={
             "slot": sp.Piecewise((0, turn.symbol > slots - 1.5), (turn.symbol + 1, True)),
             **{old.name: measured[s.name] for old, s in zip(held, told, strict=True)},
