@@ -20,7 +20,7 @@ SECONDS = 15.0
 
 CODE = """
 import resource, sys, time
-from hovercontrol.app.commands.given import pairs
+from hovercontrol.app.commands.options import pairs
 from hovercontrol.logs import read_log
 begin, before = time.perf_counter(), time.process_time()
 log = read_log(sys.argv[1], pairs(sys.argv[2]), sys.argv[3].split())

@@ -18,7 +18,7 @@ from benchmarks import real_craft, real_logs
 from hovercontrol.blocks.block import Block
 from hovercontrol.identification.monitor.build import build
 from hovercontrol.identification.monitor.monitor import monitor
-from hovercontrol.identification.monitor.noise import fitted_on
+from hovercontrol.identification.monitor.noise import trained_model
 from hovercontrol.identification.monitor.replay import replay
 
 POSE = ["x", "y", "psi"]
@@ -92,7 +92,7 @@ def rows() -> Iterator[tuple[str, str, str, bool | None]]:
     what = "noise of x, y, psi in the second half over the first"
     yield what, ", ".join(f"{v:.2f}" for v in louder), "", None
     craft = real_craft.fan_craft(real_craft.MASS["h1"])
-    craft, noise, std = fitted_on(craft.with_effects([hc.effect("fan_lag", seconds=LAG)]), first, POSE)
+    craft, noise, std = trained_model(craft.with_effects([hc.effect("fan_lag", seconds=LAG)]), first, POSE)
     lacking = craft.without_effects("fan_lag")
     std = {name: std[name] for name in craft.linear_coefficients() if name in std}
     largest = 1.0

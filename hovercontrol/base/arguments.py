@@ -83,7 +83,7 @@ def as_row(where: str, value: ArrayLike, length: int | None = None) -> Array:
     return found
 
 
-def together(function: str, **arrays: ArrayLike) -> list[Array]:
+def broadcastable(function: str, **arrays: ArrayLike) -> list[Array]:
     """Return arguments as arrays whose shapes broadcast.
 
     Raises
@@ -93,7 +93,7 @@ def together(function: str, **arrays: ArrayLike) -> list[Array]:
 
     Examples
     --------
-    >>> [a.shape for a in together("fan_force", speed=[1.0, 2.0], rudder=0.0)]
+    >>> [a.shape for a in broadcastable("fan_force", speed=[1.0, 2.0], rudder=0.0)]
     [(2,), ()]
     """
     found = {name: np.asarray(value, dtype=float) for name, value in arrays.items()}

@@ -143,7 +143,7 @@ def _fault_file(error: Exception) -> str:
     return file.name
 
 
-def told_apart(command: Callable[..., object]) -> Callable[..., object]:
+def separate_interrupts(command: Callable[..., object]) -> Callable[..., object]:
     """Return a command in which an interrupt that a user's file raises is its error, not a stop by the user.
 
     The library of the command line would take both for the same.

@@ -161,7 +161,7 @@ def write_quietly(
     older file.
     """
     target = Path(path)
-    with refusals(target), folder_made(target.parent):
+    with refusals(target), make_folder(target.parent):
         clear_dead(target.parent)
         handle, name = tempfile.mkstemp(prefix=temporary_prefix(), suffix=target.suffix, dir=target.parent)
         os.close(handle)
@@ -173,7 +173,7 @@ def write_quietly(
 
 
 @contextmanager
-def folder_made(folder: Path) -> Iterator[None]:
+def make_folder(folder: Path) -> Iterator[None]:
     """Make a folder and its parents for a ``with``; if the body fails, remove the folders that were made."""
     new = [p for p in (folder, *folder.parents) if not os.path.lexists(p)]
     try:

@@ -13,11 +13,11 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from hovercontrol.base import written
+from hovercontrol.base import file_list
 from hovercontrol.base.errors import InputError
 from hovercontrol.base.files import (
     clear_dead,
-    folder_made,
+    make_folder,
     place_files,
     refusals,
     removed_at_last,
@@ -63,7 +63,7 @@ def write_folder(
     """
     target = Path(folder)
     real = resolved(target)
-    with refusals(target), folder_made(real.parent):
+    with refusals(target), make_folder(real.parent):
         for place in (real.parent, real):
             clear_dead(place)
         as_one = _exchangeable(real)
@@ -73,11 +73,11 @@ def write_folder(
             Path(tempfile.mkdtemp(prefix=temporary_prefix(), dir=real.parent if as_one else real))
         ) as temporary:
             write(temporary)
-            files = sorted(file for file in temporary.iterdir() if file.name != written.LIST)
-            made = {file.name: written.digest(file) for file in files}
-            gone = [name for name in written.stale_files(real, tuple(stale)) if name not in made]
-            kept = {name: written.free_name(real, name) for name in written.users_files(real, made)}
-            written.write_list(temporary, _all_listed(real, gone) | made)
+            files = sorted(file for file in temporary.iterdir() if file.name != file_list.LIST)
+            made = {file.name: file_list.digest(file) for file in files}
+            gone = [name for name in file_list.stale_files(real, tuple(stale)) if name not in made]
+            kept = {name: file_list.free_name(real, name) for name in file_list.users_files(real, made)}
+            file_list.write_list(temporary, _all_listed(real, gone) | made)
             os.chmod(temporary, real.stat().st_mode & 0o7777 if real.exists() else 0o777 & ~umask())
             if as_one:
                 _keep_others(real, temporary, [*made, *gone], kept)
@@ -107,13 +107,13 @@ def own_folder(folder: Path) -> None:
     InputError
         If something else has that name, or the system refuses it.
     """
-    if written.refuse_others(folder):
+    if file_list.refuse_others(folder):
         return
-    with refusals(folder), folder_made(folder.parent):
+    with refusals(folder), make_folder(folder.parent):
         clear_dead(folder.parent)
         made = Path(tempfile.mkdtemp(prefix=temporary_prefix(), dir=folder.parent))
         with removed_at_last(made) as temporary:
-            written.write_list(temporary, {})
+            file_list.write_list(temporary, {})
             os.rename(temporary, folder)
 
 
@@ -134,7 +134,7 @@ def _exchangeable(target: Path) -> bool:
 
 def _all_listed(folder: Path, gone: Sequence[str]) -> dict[str, str]:
     """Return the entries of a folder's list whose files still exist."""
-    known = written.listed(folder) or {}
+    known = file_list.listed(folder) or {}
     return {k: v for k, v in known.items() if k not in gone and os.path.lexists(folder / k)}
 
 
@@ -149,7 +149,7 @@ def _keep_others(old: Path, new: Path, replaced: Sequence[str], kept: Mapping[st
     """Move files that others put into the old folder to the new one, those in `kept` under another name."""
     for entry in os.scandir(old) if old.exists() else ():
         name = kept.get(entry.name, entry.name)
-        if entry.name != written.LIST and (name != entry.name or name not in replaced):
+        if entry.name != file_list.LIST and (name != entry.name or name not in replaced):
             try:
                 os.link(entry.path, new / name, follow_symlinks=False)
             except OSError:  # a file system without links

@@ -11,10 +11,10 @@ from pathlib import Path
 _OTHERS = stat.S_IWGRP | stat.S_IWOTH
 
 
-def private_folder_made(folder: Path) -> None:
+def make_private_folder(folder: Path) -> None:
     """Make a folder and the parents it lacks, for the user alone, for any umask."""
     if not folder.parent.exists():
-        private_folder_made(folder.parent)
+        make_private_folder(folder.parent)
     folder.mkdir(mode=0o700, exist_ok=True)
 
 

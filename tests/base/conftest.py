@@ -6,7 +6,7 @@ import pytest
 import hovercontrol as hc
 from hovercontrol.craft.effects import effect
 from hovercontrol.documents.scenarios import load_scenario, run_scenario
-from hovercontrol.documents.scenarios.varied import vary
+from hovercontrol.documents.scenarios.grid import vary
 from hovercontrol.identification.check import check
 from hovercontrol.identification.diagnose import diagnose
 from hovercontrol.identification.identify.study import Study

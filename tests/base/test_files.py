@@ -10,9 +10,9 @@ import pytest
 
 from hovercontrol.base import files, folders
 from hovercontrol.base.errors import InputError
+from hovercontrol.base.file_list import LIST
 from hovercontrol.base.files import check_folder, readable, write_atomically
 from hovercontrol.base.folders import write_folder
-from hovercontrol.base.written import LIST
 
 
 def test_the_file_and_its_folder_appear(tmp_path):

@@ -12,7 +12,7 @@ import numpy as np
 import hovercontrol as hc
 from hovercontrol.blocks.units import conversion_factor, dimension
 from hovercontrol.documents.scenarios import load_scenario
-from hovercontrol.documents.scenarios.varied import vary
+from hovercontrol.documents.scenarios.grid import vary
 from hovercontrol.identification.engine.frame_check import check_frame
 from hovercontrol.logs import Log, read_log
 from hovercontrol.logs.frames import in_z_up

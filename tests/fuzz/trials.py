@@ -19,7 +19,7 @@ import pandas  # noqa: F401  a time limit that ends its first import within a tr
 import pyarrow as pa
 import pyarrow.parquet
 
-from hovercontrol.app.commands.given import pairs
+from hovercontrol.app.commands.options import pairs
 from hovercontrol.blocks.units import dimension
 from hovercontrol.craft.models.modelfile import load_model, model_text
 from hovercontrol.craft.models.vehicles import VEHICLES, vehicle

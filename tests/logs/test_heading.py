@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from hovercontrol.app.commands.given import pairs
+from hovercontrol.app.commands.options import pairs
 from hovercontrol.base.errors import ArgumentError, InputError
 from hovercontrol.logs import read_log
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from hovercontrol.app.commands.given import pairs
+from hovercontrol.app.commands.options import pairs
 from hovercontrol.logs import Log, read_log
 from hovercontrol.logs.frames import in_z_up
 from hovercontrol.logs.overview import overview

@@ -17,8 +17,8 @@ from typing import Any
 
 from aiohttp import WSMsgType, web
 
-from hovercontrol.app.cockpit.about import about
 from hovercontrol.app.cockpit.guard import guard
+from hovercontrol.app.cockpit.loop_description import loop_description
 from hovercontrol.app.cockpit.loops import LOOPS, Loops
 from hovercontrol.app.cockpit.messages import check_message
 from hovercontrol.app.cockpit.pacer import Pacer
@@ -139,7 +139,7 @@ class Console:
         return talk
 
     def _about(self) -> dict[str, Any]:
-        return {"about": about(self.pacer.loop), "replay": self.shelf.replay is not None}
+        return {"about": loop_description(self.pacer.loop), "replay": self.shelf.replay is not None}
 
     async def _send_frames(self, talk: web.WebSocketResponse) -> None:
         sent, event = -1, self.watchers[talk]

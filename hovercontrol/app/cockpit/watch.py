@@ -16,7 +16,7 @@ from hovercontrol.craft.models.model import Model
 from hovercontrol.identification.monitor.alarms import Alarm, Alarms
 from hovercontrol.identification.monitor.feed import Feed, Tick
 from hovercontrol.identification.monitor.monitor import monitor
-from hovercontrol.identification.monitor.replay import alarm_json, said, threshold_of
+from hovercontrol.identification.monitor.replay import alarm_json, events, threshold_of
 
 #: Period of the monitor [s].
 PERIOD = 0.02
@@ -118,7 +118,7 @@ class Watch:
         seen = {k: signals[k] + std * self._random.normal() for k, std in NOISE.items()}
         for one in self._feed.rows(time, {**seen, **{k: signals[k] for k in self._feed.commands}}):
             self._last = one if isinstance(one, Tick) else self._last
-            for _ in said(self._feed, self._alarms, one):
+            for _ in events(self._feed, self._alarms, one):
                 pass
 
     def state(self) -> dict[str, Any]:

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Annotated, Any, cast
 import typer
 
 import hovercontrol
-from hovercontrol.app.commands import given
-from hovercontrol.app.commands.given import Out
+from hovercontrol.app.commands import options
+from hovercontrol.app.commands.options import Out
 from hovercontrol.base import output
 from hovercontrol.base.errors import InputError, did_you_mean
 from hovercontrol.base.figure_style import figure_style
@@ -59,7 +59,7 @@ def analyze(
     ] = "",
     out: Out = None,
     list_: Annotated[bool, typer.Option("--list", help="List analyses and items and exit.")] = False,
-    json: given.Json = False,
+    json: options.Json = False,
 ) -> int:
     """Run analyses; rebuild tables and figures of C17 and K06 and compare them with what is printed.
 
@@ -67,7 +67,7 @@ def analyze(
     (index.html, index.json). Exit status 1 if an item differs from the printed value.
     """
     if list_:
-        given.show_list(_titles(document), json)
+        options.show_list(_titles(document), json)
         return 0
     scripts, items = _chosen(name or [], document)
     if trial:
@@ -76,7 +76,7 @@ def analyze(
     for work in _works(scripts, items, trial, out):
         found.append(work())
         if not json:
-            given.show(found[-1].text, found[-1].files, found[-1].folder)
+            options.show(found[-1].text, found[-1].files, found[-1].folder)
     if json:
         _show_json(found)
     return max(done.status for done in found)
@@ -162,7 +162,7 @@ def _works(
 def _run(name: str, path: Path, folder: Path, trial: str) -> _Done:
     """Run an analysis."""
     check_folder(folder)
-    with given.progress_bar(f"analyze {name}", 1.0) as report, figure_style():
+    with options.progress_bar(f"analyze {name}", 1.0) as report, figure_style():
         about = {"trial": trial} if trial else {}
         files = _main(path)(folder, lambda part: report(part, ""), **about)
     texts = [file.read_text(encoding="utf-8").rstrip("\n") for file in files if file.suffix == ".txt"]
@@ -176,7 +176,7 @@ def _rebuild(items: Sequence[Item], folder: Path) -> _Done:
     from hovercontrol.documents.index import index_content
 
     check_folder(folder)
-    with given.progress_bar("analyze", len(items)) as report:
+    with options.progress_bar("analyze", len(items)) as report:
         outcomes = rebuild(items, folder, report)
     counts = Counter(o.verdict for o in outcomes)
     lines = [

@@ -22,8 +22,8 @@ from hovercontrol.app.commands import (
     simulate,
     sweep,
 )
-from hovercontrol.app.commands.once import OnceCommand
-from hovercontrol.base.endings import STATUSES, told_apart
+from hovercontrol.app.commands.single_options import OnceCommand
+from hovercontrol.base.endings import STATUSES, separate_interrupts
 
 app = typer.Typer(
     name="hovercontrol",
@@ -73,4 +73,4 @@ for command, example in (
 ):
     about = _paragraphs(command.__doc__ or "")
     first = about.partition("\n\n")[0]  # else its beginning is shown, cut to the line
-    app.command(cls=OnceCommand, epilog=example, help=about, short_help=first)(told_apart(command))
+    app.command(cls=OnceCommand, epilog=example, help=about, short_help=first)(separate_interrupts(command))

@@ -10,8 +10,8 @@ from typing import Annotated
 
 import typer
 
-from hovercontrol.app.commands import given, names
-from hovercontrol.base import written
+from hovercontrol.app.commands import names, options
+from hovercontrol.base import file_list
 from hovercontrol.base.errors import InputError
 from hovercontrol.base.files import check_folder
 from hovercontrol.base.folders import own_folder, write_folder
@@ -20,7 +20,7 @@ EXAMPLE = "Example: hovercontrol benchmark --tool hovercontrol,sindy,arx --jobs 
 
 
 def benchmark(
-    out: given.Out = None,
+    out: options.Out = None,
     list_cases: Annotated[
         bool, typer.Option("--list", help="List the cases of the edition and exit.")
     ] = False,
@@ -55,7 +55,7 @@ def benchmark(
     jobs: Annotated[
         int, typer.Option("--jobs", help="Processes (default: one for each core).", min=1)
     ] = os.cpu_count() or 1,
-    json: given.Json = False,
+    json: options.Json = False,
 ) -> int:
     """Score tools on logs of machines whose models lack something, or nothing.
 
@@ -76,7 +76,7 @@ def benchmark(
     cases = blind_names(blind, edition) if blind else {name: name for name in benchmark_names(edition)}
     cases = dict(list(cases.items())[:first])
     if list_cases:
-        given.show_list({name: "blind" if blind else f"lacks {lacks(name)}" for name in cases}, json)
+        options.show_list({name: "blind" if blind else f"lacks {lacks(name)}" for name in cases}, json)
         return 0
     out = out or Path("out") / "benchmark"
     check_folder(out)
@@ -91,7 +91,7 @@ def benchmark(
         shown = case if blind and case in cases else ""
         saved = save_case(real, out, shown)
         content = {"case": case} if json else None
-        given.show("" if blind else f"{case}: the answer is in {out.name}.answer", saved[:3], out, content)
+        options.show("" if blind else f"{case}: the answer is in {out.name}.answer", saved[:3], out, content)
         return 0
     if logs_only:
         return _write_all(cases, out, bool(blind), json)
@@ -101,7 +101,7 @@ def benchmark(
 def _tools(text: str) -> list[str]:
     from hovercontrol.identification.benchmark.tools import tool_of
 
-    tools = given.listed(text, "--tool") or []
+    tools = options.listed(text, "--tool") or []
     for name in tools:
         tool_of(name)
         if tools.count(name) > 1:
@@ -116,7 +116,7 @@ def _write_all(cases: dict[str, str], out: Path, blind: bool, json: bool) -> int
 
     sheet = {}
     own_folder(out)
-    with given.progress_bar("benchmark", len(cases)) as report:
+    with options.progress_bar("benchmark", len(cases)) as report:
         for done, (shown, name) in enumerate(cases.items()):
             report(done, shown)
             found = benchmark_case(name)
@@ -127,7 +127,7 @@ def _write_all(cases: dict[str, str], out: Path, blind: bool, json: bool) -> int
     write_folder(answers, lambda place: (place / "answers.json").write_text(text, encoding="utf-8"))
     digest = hashlib.sha256(text.encode()).hexdigest()
     if json:
-        given.show("", [], out, {"cases": list(cases), "answers": str(answers), "sha256": digest})
+        options.show("", [], out, {"cases": list(cases), "answers": str(answers), "sha256": digest})
     else:
         print(f"wrote {len(cases)} cases to {out}, answers.json to {answers}; its SHA-256 is {digest}")
     return 0
@@ -138,10 +138,10 @@ def _score(cases: dict[str, str], tools: list[str], out: Path, jobs: int, blind:
     from hovercontrol.identification.benchmark.run import run_cases, table
 
     kept = out.resolve().with_name(f"{out.resolve().name}.cases")
-    written.refuse_others(kept)
+    file_list.refuse_others(kept)
     own_folder(kept)
     total = len(cases) * len(tools)
-    with given.progress_bar("benchmark", total) as report:
+    with options.progress_bar("benchmark", total) as report:
         rows = run_cases(list(cases.values()), tools, kept, jobs, lambda n: report(n, f"{n} of {total}"))
     found = table(rows)
     back = {name: shown for shown, name in cases.items()}
@@ -153,7 +153,7 @@ def _score(cases: dict[str, str], tools: list[str], out: Path, jobs: int, blind:
         table_figure(found).savefig(place / "table.png", dpi=150)
 
     saved = write_folder(out, write)
-    given.show(text_table(found), saved, out, content if json else None)
+    options.show(text_table(found), saved, out, content if json else None)
     return 0
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hovercontrol.app.commands import given, names
+from hovercontrol.app.commands import names, options
 from hovercontrol.base.errors import ArgumentError, InputError
 from hovercontrol.base.files import check_folder
 
@@ -28,9 +28,9 @@ EXAMPLE = "Example: hovercontrol check a.csv b.csv --model craft.toml --out out/
 
 
 def check(
-    logs: given.Logs = None,
-    out: given.Out = None,
-    model: given.ModelFile = None,
+    logs: options.Logs = None,
+    out: options.Out = None,
+    model: options.ModelFile = None,
     vehicle: Annotated[
         str | None,
         typer.Option(
@@ -39,19 +39,19 @@ def check(
             autocompletion=names.vehicles,
         ),
     ] = None,
-    params: given.Params = None,
-    fit: given.Fit = "",
-    fixed: given.Fixed = "",
-    columns: given.Columns = "",
-    period: given.Period = None,
-    bench: given.Bench = None,
-    bench_fans: given.BenchFans = 2,
-    only_while: given.OnlyWhile = "",
-    settle: given.Settle = 1.0,
-    frame: given.Frame = "",
-    missing: given.Missing = "",
-    trial: given.TrialColumn = "",
-    json: given.Json = False,
+    params: options.Params = None,
+    fit: options.Fit = "",
+    fixed: options.Fixed = "",
+    columns: options.Columns = "",
+    period: options.Period = None,
+    bench: options.Bench = None,
+    bench_fans: options.BenchFans = 2,
+    only_while: options.OnlyWhile = "",
+    settle: options.Settle = 1.0,
+    frame: options.Frame = "",
+    missing: options.Missing = "",
+    trial: options.TrialColumn = "",
+    json: options.Json = False,
 ) -> int:
     """Check logs before a fit: timing, noise, outliers, units, excitation.
 
@@ -68,32 +68,32 @@ def check(
         raise InputError("check: expected one or more logs")
     out = out or Path("out") / "check"
     check_folder(out)
-    given.refuse_twice("check", logs)
+    options.refuse_twice("check", logs)
     if params and not (model or vehicle):
         raise InputError("check: --params belongs to a model; expected --model or --vehicle as well")
-    plant = given.fmu_of("check", model, fit, params)
-    known = given.model_of("check", model, vehicle, params) if (model or vehicle) and not plant else None
+    plant = options.fmu_of("check", model, fit, params)
+    known = options.model_of("check", model, vehicle, params) if (model or vehicle) and not plant else None
     subject = plant or known
     if not columns and (topics := topics_of(logs, subject, model, vehicle)):
         print(topics)
         return 1
-    read = given.reader(
+    read = options.reader(
         subject, columns, period, bench, bench_fans, only_while, settle, frame, missing=missing, trial=trial
     )
-    with given.progress_bar("check", 1.0) as report:
+    with options.progress_bar("check", 1.0) as report:
         report(0.0, "reading logs")
         every, unread = _read(logs, read)
         found = find(
             subject,
             list(every.values()),
-            fixed=given.listed(fixed, "--fixed") or [],
+            fixed=options.listed(fixed, "--fixed") or [],
             files=[stamps(name, log, columns, period) for name, log in every.items()],
             unread=unread,
             progress=lambda part, what: report(0.05 + 0.9 * part, what),
         )
         report(0.95, "drawing")
         files = found.save(out)
-    given.show(found.text(), files, out, found.to_json() if json else None)
+    options.show(found.text(), files, out, found.to_json() if json else None)
     return 1 if found.negative else 0
 
 
@@ -124,10 +124,10 @@ def topics_of(
     from hovercontrol.logs.overview import overview
     from hovercontrol.logs.wanted import Wanted
 
-    wanted = Wanted.of(given.readable_model(known), motion=known is None)
-    options = f" --model {model}" if model else f" --vehicle {vehicle}" if vehicle else ""
+    wanted = Wanted.of(options.readable_model(known), motion=known is None)
+    of_model = f" --model {model}" if model else f" --vehicle {vehicle}" if vehicle else ""
     paths = dict.fromkeys(path for name in logs for path in split_files(name))
-    return "\n".join(text for path in paths if path.exists() and (text := overview(path, wanted, options)))
+    return "\n".join(text for path in paths if path.exists() and (text := overview(path, wanted, of_model)))
 
 
 def stamps(files: str, log: Log, columns: str, period: float | None = None) -> dict[str, NDArray[np.float64]]:
@@ -140,7 +140,7 @@ def stamps(files: str, log: Log, columns: str, period: float | None = None) -> d
     if len(paths) == 1:  # its rows are those of the log, less those of commands of another topic
         return {} if log.trials else {paths[0].name: log.time[measured_rows(log)]}
     found = {}
-    for path, own in zip(paths, columns_by_file(paths, given.pairs(columns)), strict=True):
+    for path, own in zip(paths, columns_by_file(paths, options.pairs(columns)), strict=True):
         time = read_log(path, own, usecols=[], period=period).on_clock_of(log).time
         found[path.name] = time[(time >= log.time[0] - EDGE) & (time <= log.time[-1] + EDGE)]
     return {name: time for name, time in found.items() if time.size}

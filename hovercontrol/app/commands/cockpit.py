@@ -13,7 +13,7 @@ from typing import Annotated
 
 import typer
 
-from hovercontrol.app.commands import given, names
+from hovercontrol.app.commands import names, options
 from hovercontrol.base.errors import InputError
 from hovercontrol.base.files import check_folder
 
@@ -77,7 +77,7 @@ def cockpit(
     check_folder(out)
     if replay is not None:
         log_columns(replay)
-    craft = given.craft("cockpit", model, vehicle or (None if model else "hoverdemon"))
+    craft = options.craft("cockpit", model, vehicle or (None if model else "hoverdemon"))
     listening = listen(host, port)
     try:
         if loop == "real" and flies_real(craft):

@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from hovercontrol.app.commands import given, names
+from hovercontrol.app.commands import names, options
 from hovercontrol.base.errors import InputError
 from hovercontrol.base.files import check_folder
 from hovercontrol.base.folders import write_folder
@@ -19,21 +19,21 @@ EXAMPLE = "Example: hovercontrol diagnose a.csv b.csv --holdout c.csv --model cr
 
 
 def diagnose(
-    logs: given.Logs = None,
-    out: given.Out = None,
-    model: given.ModelFile = None,
-    vehicle: given.Vehicle = None,
-    params: given.Params = None,
-    fit: given.Fit = "",
-    laws_in: given.LawsIn = "",
-    holdout: given.Holdout = None,
+    logs: options.Logs = None,
+    out: options.Out = None,
+    model: options.ModelFile = None,
+    vehicle: options.Vehicle = None,
+    params: options.Params = None,
+    fit: options.Fit = "",
+    laws_in: options.LawsIn = "",
+    holdout: options.Holdout = None,
     effects: Annotated[
         str,
         typer.Option(
             help="Candidate effects, separated by commas (default: all).", autocompletion=names.effects
         ),
     ] = "",
-    fixed: given.Fixed = "",
+    fixed: options.Fixed = "",
     max_effects: Annotated[
         int, typer.Option(help="Largest number of effects to add to the model.", min=1)
     ] = 3,
@@ -41,17 +41,17 @@ def diagnose(
         int,
         typer.Option(help="Seed of the random manoeuvres for the next experiment.", min=0),
     ] = 0,
-    columns: given.Columns = "",
-    period: given.Period = None,
-    bench: given.Bench = None,
-    bench_fans: given.BenchFans = 2,
-    only_while: given.OnlyWhile = "",
-    settle: given.Settle = 1.0,
-    frame: given.Frame = "",
-    missing: given.Missing = "",
-    trial: given.TrialColumn = "",
-    allow_gaps: given.AllowGaps = False,
-    json: given.Json = False,
+    columns: options.Columns = "",
+    period: options.Period = None,
+    bench: options.Bench = None,
+    bench_fans: options.BenchFans = 2,
+    only_while: options.OnlyWhile = "",
+    settle: options.Settle = 1.0,
+    frame: options.Frame = "",
+    missing: options.Missing = "",
+    trial: options.TrialColumn = "",
+    allow_gaps: options.AllowGaps = False,
+    json: options.Json = False,
 ) -> int:
     """Find which effects a model lacks, how much error each explains, and what remains.
 
@@ -79,33 +79,33 @@ def diagnose(
     out = out or Path("out") / "diagnose"
     check_folder(out)
     held = holdout or []
-    given.refuse_twice("diagnose", logs, held)
-    plant = given.fmu_of("diagnose", model, fit, params, laws_in)
-    kept = given.listed(fixed, "--fixed") or []
+    options.refuse_twice("diagnose", logs, held)
+    plant = options.fmu_of("diagnose", model, fit, params, laws_in)
+    kept = options.listed(fixed, "--fixed") or []
     if plant is not None:
         plant = replace(plant, fit=tuple(name for name in plant.fit if name not in kept))
         from hovercontrol.identification.diagnose.fmu import diagnose_fmu
 
-        read = given.reader(
+        read = options.reader(
             plant, columns, period, bench, bench_fans, only_while, settle, missing=missing, trial=trial
         )
-        with given.progress_bar("diagnose", 1.0) as report:
+        with options.progress_bar("diagnose", 1.0) as report:
             logs_, held_ = ([read(name) for name in group] for group in (logs, held))
-            wanted = given.listed(effects, "--effects")
+            wanted = options.listed(effects, "--effects")
             lacking = diagnose_fmu(plant, logs_, held_, wanted, max_effects, report)
             files = lacking.save(out)
-        given.show("\n".join(lacking.sentences()), files, out, lacking.result() if json else None)
+        options.show("\n".join(lacking.sentences()), files, out, lacking.result() if json else None)
         return 0 if lacking.verdict in ("none", "effect") else 1
-    lacks = given.model_of("diagnose", model, vehicle, params)
-    names = given.listed(effects, "--effects")
+    lacks = options.model_of("diagnose", model, vehicle, params)
+    names = options.listed(effects, "--effects")
     for name in names or []:
         lacks.effect_class(name)
         if names and names.count(name) > 1:
             raise InputError(f"diagnose: --effects: {name!r} is given twice")
-    read = given.reader(
+    read = options.reader(
         lacks, columns, period, bench, bench_fans, only_while, settle, frame, missing=missing, trial=trial
     )
-    with given.progress_bar("diagnose", 1.0) as report:
+    with options.progress_bar("diagnose", 1.0) as report:
         report(0.0, "reading logs")
         found = find(
             lacks,
@@ -126,7 +126,7 @@ def diagnose(
         files = write_folder(out, write, stale=(*FITTED, "next_experiment.csv"))
     for warning in found.warnings:
         print(f"warning: {warning}", file=sys.stderr)
-    given.show("\n".join(found.sentences()), files, out, found.result() if json else None)
+    options.show("\n".join(found.sentences()), files, out, found.result() if json else None)
     return 0 if found.verdict in ("none", "effect") else 1
 
 

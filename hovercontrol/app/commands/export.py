@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from hovercontrol.app.commands import given, names
+from hovercontrol.app.commands import names, options
 from hovercontrol.base.errors import InputError, one_line
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ def export(
             autocompletion=names.exportable,
         ),
     ] = "",
-    params: given.Params = None,
+    params: options.Params = None,
     out: Annotated[
         Path | None,
         typer.Option(
@@ -63,7 +63,7 @@ def export(
         typer.Option(help="Of NAME.ssp: outputs of the system too, separated by commas, as in x,y."),
     ] = None,
     list_: Annotated[bool, typer.Option("--list", help="List what can be exported and exit.")] = False,
-    json: given.Json = False,
+    json: options.Json = False,
 ) -> int:
     """Write an FMU (FMI 2.0 or 3.0, Model Exchange and Co-Simulation in one file)."""
     from hovercontrol.app.commands.exportable import choices, choose
@@ -98,7 +98,7 @@ def export(
     if out.suffix == ".ssp":
         return _system(chosen, out, fmi, platforms, (step, stop), outputs, json)
     stop, step = chosen.stop if stop is None else stop, chosen.step if step is None else step
-    with given.progress_bar(f"export {one_line(block, 60)}", 1.0) as report:
+    with options.progress_bar(f"export {one_line(block, 60)}", 1.0) as report:
         path: Path = as_user(
             export_fmu,
             chosen.block,
@@ -125,7 +125,7 @@ def export(
                 for v in interface.variables
             ],
         }
-        given.show("", [path], path.parent, content)
+        options.show("", [path], path.parent, content)
         return 0
     counts = ", ".join(f"{len(interface.of(kind))} {word}" for kind, word in kinds)  # type: ignore[arg-type]
     print(
@@ -150,7 +150,8 @@ def _system(
     from hovercontrol.fmi.ssp.write import export_ssp
 
     step, stop = (
-        own if given is None else given for given, own in zip(times, (chosen.step, chosen.stop), strict=True)
+        own if options is None else options
+        for options, own in zip(times, (chosen.step, chosen.stop), strict=True)
     )
     if not chosen.parts:
         raise InputError(f"{out}: a system is written of a continuous scenario's loop, such as table1")
@@ -160,7 +161,7 @@ def _system(
     path: Path = as_user(export_ssp, parts, out, name=title, version=fmi, platforms=platforms, **more)
     if json:
         content = {"name": title, "fmi": fmi, "parts": [p.name for p in parts], "bytes": path.stat().st_size}
-        given.show("", [path], path.parent, content)
+        options.show("", [path], path.parent, content)
         return 0
     print(f"wrote {path}: {len(parts)} FMUs of FMI {fmi}.0 ({', '.join(p.name for p in parts)}), connected")
     return 0

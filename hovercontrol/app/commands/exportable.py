@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
 
-from hovercontrol.app.commands.given import from_users_file
+from hovercontrol.app.commands.options import from_users_file
 from hovercontrol.base.errors import InputError, did_you_mean
 from hovercontrol.base.tables import read_toml
 from hovercontrol.blocks.block import Block

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from hovercontrol.app.commands import given
+from hovercontrol.app.commands import options
 from hovercontrol.base.errors import InputError
 from hovercontrol.base.files import check_folder
 
@@ -22,32 +22,32 @@ EXAMPLE = "Example: hovercontrol identify a.csv b.csv --holdout c.csv --model cr
 
 
 def identify(
-    logs: given.Logs = None,
-    out: given.Out = None,
-    model: given.ModelFile = None,
-    vehicle: given.Vehicle = None,
-    params: given.Params = None,
-    fit: given.Fit = "",
-    holdout: given.Holdout = None,
+    logs: options.Logs = None,
+    out: options.Out = None,
+    model: options.ModelFile = None,
+    vehicle: options.Vehicle = None,
+    params: options.Params = None,
+    fit: options.Fit = "",
+    holdout: options.Holdout = None,
     coefficients: Annotated[
         str,
         typer.Option(
             help="Coefficients to fit, separated by commas; the others keep their values (default: all)."
         ),
     ] = "",
-    fixed: given.Fixed = "",
-    columns: given.Columns = "",
-    period: given.Period = None,
-    bench: given.Bench = None,
-    bench_fans: given.BenchFans = 2,
-    only_while: given.OnlyWhile = "",
-    settle: given.Settle = 1.0,
-    frame: given.Frame = "",
-    missing: given.Missing = "",
-    trial: given.TrialColumn = "",
-    allow_gaps: given.AllowGaps = False,
+    fixed: options.Fixed = "",
+    columns: options.Columns = "",
+    period: options.Period = None,
+    bench: options.Bench = None,
+    bench_fans: options.BenchFans = 2,
+    only_while: options.OnlyWhile = "",
+    settle: options.Settle = 1.0,
+    frame: options.Frame = "",
+    missing: options.Missing = "",
+    trial: options.TrialColumn = "",
+    allow_gaps: options.AllowGaps = False,
     sample: Annotated[bool, typer.Option("--sample", help="Use the sample log of c17_experiment.")] = False,
-    json: given.Json = False,
+    json: options.Json = False,
 ) -> int:
     """Estimate a model's coefficients from logs, with standard errors; list those not excited by the logs.
 
@@ -69,22 +69,22 @@ def identify(
         raise InputError("identify: expected one or more logs (or --sample)")
     out = out or Path("out") / "identify"
     check_folder(out)
-    given.refuse_twice("identify", names, held)
-    sought = given.listed(coefficients, "--coefficients")
-    kept = given.listed(fixed, "--fixed") or []
-    plant = given.fmu_of("identify", model, fit, params)
+    options.refuse_twice("identify", names, held)
+    sought = options.listed(coefficients, "--coefficients")
+    kept = options.listed(fixed, "--fixed") or []
+    plant = options.fmu_of("identify", model, fit, params)
     if plant is not None:
-        read = given.reader(
+        read = options.reader(
             plant, columns, period, bench, bench_fans, only_while, settle, missing=missing, trial=trial
         )
         return _identify_fmu(plant, read, names, held, sought, kept, out, json)
     if sample and not (logs or held or model or vehicle):
         vehicle = "c17_experiment"
-    found = given.model_of("identify", model, vehicle, params)
-    read = given.reader(
+    found = options.model_of("identify", model, vehicle, params)
+    read = options.reader(
         found, columns, period, bench, bench_fans, only_while, settle, frame, missing=missing, trial=trial
     )
-    with given.progress_bar("identify", 1.0) as report:
+    with options.progress_bar("identify", 1.0) as report:
         every = []
         for k, name in enumerate([*names, *held]):
             every.append(read(name))
@@ -100,20 +100,20 @@ def identify(
         files = study.save(out)
     text = study.text()
     if study.found.bent:
-        options = {
+        flags = {
             "--model": model, "--vehicle": vehicle, "--params": params, "--columns": columns,
             "--period": period, "--bench": bench, "--while": only_while, "--frame": frame,
             "--missing": missing, "--trial": trial, "--fixed": fixed,
         }  # fmt: skip
-        text += f"\nto find out what is missing: hovercontrol diagnose {_words(names, held, options)}"
-    given.show(text, files, out, _as_json(study) if json else None)
+        text += f"\nto find out what is missing: hovercontrol diagnose {_words(names, held, flags)}"
+    options.show(text, files, out, _as_json(study) if json else None)
     return 1 if study.negative else 0
 
 
-def _words(names: list[str], held: list[str], options: Mapping[str, object]) -> str:
+def _words(names: list[str], held: list[str], flags: Mapping[str, object]) -> str:
     """Return arguments and options as a shell takes them."""
     words = [*names, *(word for log in held for word in ("--holdout", log))]
-    words += [word for option, value in options.items() if value for word in (option, str(value))]
+    words += [word for flag, value in flags.items() if value for word in (flag, str(value))]
     return shlex.join(words)
 
 
@@ -129,18 +129,18 @@ def _identify_fmu(
 ) -> int:
     from hovercontrol.identification.identify.fmu import identify_fmu
 
-    with given.progress_bar("identify", 1.0) as report:
+    with options.progress_bar("identify", 1.0) as report:
         logs, held_logs = ([read(name) for name in group] for group in (names, held))
         result = identify_fmu(plant, logs, sought, held_logs, report, fixed=kept)
         files = result.save(out)
     values = [vars(c) | {"excited": c.excited} for c in result.coefficients]
     content = {"coefficients": values, "residual": result.residual, "converged": result.converged}
-    given.show(result.table(), files, out, content if json else None)
+    options.show(result.table(), files, out, content if json else None)
     return 1 if result.negative else 0
 
 
 def _as_json(study: Study) -> dict[str, Any]:
-    from hovercontrol.identification.identify.result import others
+    from hovercontrol.identification.identify.result import groups_for_json
 
     found = study.found
     return {
@@ -151,7 +151,7 @@ def _as_json(study: Study) -> dict[str, Any]:
             }
             for c in found.coefficients
         ],
-        **others(found.groups, found.kept),
+        **groups_for_json(found.groups, found.kept),
         "forces": [{k: getattr(f, k) for k in ("name", "value", "std", "unit")} for f in found.forces()],
         "remaining": [{**vars(r), "share": r.share} for r in found.remaining],
         "noise": found.residual,

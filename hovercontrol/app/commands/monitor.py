@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hovercontrol.app.commands import given, names
+from hovercontrol.app.commands import names, options
 from hovercontrol.base.errors import InputError
 from hovercontrol.base.files import check_folder
 
@@ -23,13 +23,13 @@ def monitor(
         str | None,
         typer.Argument(
             metavar="LOG",
-            help=f"{given.FORMATS} With --follow a growing CSV file, or - for standard input.",
+            help=f"{options.FORMATS} With --follow a growing CSV file, or - for standard input.",
         ),
     ] = None,
-    out: given.Out = None,
-    model: given.ModelFile = None,
-    vehicle: given.Vehicle = None,
-    params: given.Params = None,
+    out: options.Out = None,
+    model: options.ModelFile = None,
+    vehicle: options.Vehicle = None,
+    params: options.Params = None,
     sound: Annotated[
         str | None,
         typer.Option(
@@ -68,16 +68,16 @@ def monitor(
             "Ctrl-C.",
         ),
     ] = False,
-    columns: given.Columns = "",
-    period: given.Period = None,
-    bench: given.Bench = None,
-    bench_fans: given.BenchFans = 2,
-    only_while: given.OnlyWhile = "",
-    settle: given.Settle = 1.0,
-    frame: given.Frame = "",
-    missing: given.Missing = "",
-    trial: given.TrialColumn = "",
-    json: given.Json = False,
+    columns: options.Columns = "",
+    period: options.Period = None,
+    bench: options.Bench = None,
+    bench_fans: options.BenchFans = 2,
+    only_while: options.OnlyWhile = "",
+    settle: options.Settle = 1.0,
+    frame: options.Frame = "",
+    missing: options.Missing = "",
+    trial: options.TrialColumn = "",
+    json: options.Json = False,
 ) -> int:
     """Say what has changed in a craft along a log: name, size, since when, and what else it may be.
 
@@ -99,19 +99,19 @@ def monitor(
         raise InputError(
             f"monitor: --false-alarms-per-hour: expected a positive number, found {false_alarms_per_hour:g}"
         )
-    wanted, channels = given.listed(candidates, "--candidates"), given.listed(measured, "--measured")
-    craft = given.model_of("monitor", model, vehicle, params)
-    read = given.reader(
+    wanted, channels = options.listed(candidates, "--candidates"), options.listed(measured, "--measured")
+    craft = options.model_of("monitor", model, vehicle, params)
+    read = options.reader(
         craft, columns, period, bench, bench_fans, only_while, settle, frame, missing=missing, trial=trial
     )
     if follow and log != "-" and not Path(log).is_file():
         raise InputError(f"monitor: {log}: no such file")
-    given.refuse_twice("monitor", [name for name in (log, sound) if name not in (None, "-")])
+    options.refuse_twice("monitor", [name for name in (log, sound) if name not in (None, "-")])
 
     from hovercontrol.identification.monitor.build import build
     from hovercontrol.identification.monitor.replay import replay
 
-    with given.progress_bar("monitor", 1.0) as report:
+    with options.progress_bar("monitor", 1.0) as report:
         report(0.0, "reading logs")
         train = read(sound) if sound else None
         run = train if follow and train is not None else read(log)
@@ -134,9 +134,9 @@ def monitor(
             )
             files = found.save(out) if out is not None else []
     if follow:
-        return _follow(built, log, columns, hold, given.numbers(missing, "--missing"))
+        return _follow(built, log, columns, hold, options.numbers(missing, "--missing"))
     if files or json:
-        given.show(found.text(), files, out or Path(), found.to_json() if json else None)
+        options.show(found.text(), files, out or Path(), found.to_json() if json else None)
     else:
         print(found.text())
     return 1 if found.alarms else 0
@@ -168,7 +168,7 @@ def _follow(built: Built, log: str, columns: str, hold: float, missing: list[flo
     for event in follow(
         built.block,
         lines,
-        given.pairs(columns),
+        options.pairs(columns),
         source,
         hold,
         missing=missing,

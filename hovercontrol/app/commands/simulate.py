@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from hovercontrol.app.commands import given, names
-from hovercontrol.app.commands.given import Out
+from hovercontrol.app.commands import names, options
+from hovercontrol.app.commands.options import Out
 from hovercontrol.base.errors import InputError
 from hovercontrol.base.files import check_folder
 
@@ -40,11 +40,11 @@ def simulate(
             help="Length of the run of a model file in seconds (default: 20, or that of --commands).",
         ),
     ] = None,
-    model: given.Runs = None,
-    commands: given.Commands = "",
-    columns: given.Columns = "",
-    period: given.Period = None,
-    params: given.Params = None,
+    model: options.Runs = None,
+    commands: options.Commands = "",
+    columns: options.Columns = "",
+    period: options.Period = None,
+    params: options.Params = None,
     match_start: Annotated[
         bool,
         typer.Option(
@@ -62,7 +62,7 @@ def simulate(
     ] = "",
     out: Out = None,
     list_: Annotated[bool, typer.Option("--list", help="List the scenarios and exit.")] = False,
-    json: given.Json = False,
+    json: options.Json = False,
 ) -> int:
     """Run a scenario; write its log, a table of its figures of merit, and pictures.
 
@@ -78,9 +78,9 @@ def simulate(
     from hovercontrol.documents.scenarios.drive import driven
 
     if list_:
-        given.show_list({name: load_scenario(name).title for name in scenario_names()}, json)
+        options.show_list({name: load_scenario(name).title for name in scenario_names()}, json)
         return 0
-    scenario = given.run_of("simulate", scenario, model)
+    scenario = options.run_of("simulate", scenario, model)
     if not scenario:
         raise InputError(
             "simulate: expected a scenario's name (hovercontrol simulate --list shows them) or a TOML file"
@@ -89,13 +89,13 @@ def simulate(
         from hovercontrol.app.animation.animate import check_format
 
         check_format(Path(animation))
-    log = given.commands_of("simulate", commands, columns, period)
-    plant = given.fmu_of("simulate", scenario, "", params)
+    log = options.commands_of("simulate", commands, columns, period)
+    plant = options.fmu_of("simulate", scenario, "", params)
     if plant is not None:
         return _drive_fmu(plant, duration, log, match_start, out, json, animation)
     if match_start:
         raise InputError(f"simulate: --match-start belongs to an FMU, found {scenario}")
-    own = given.from_users_file(scenario, params)
+    own = options.from_users_file(scenario, params)
     if own is None and params:
         raise InputError(f"simulate: --params belongs to a model FILE.py:NAME, found {scenario}")
     if isinstance(own, Block | BlockModel):
@@ -108,7 +108,7 @@ def simulate(
     )
     out = out or Path("out") / loaded.name
     check_folder(out)
-    with given.progress_bar(f"simulate {loaded.name}", loaded.end) as report:
+    with options.progress_bar(f"simulate {loaded.name}", loaded.end) as report:
         run = run_scenario(loaded, report)
         _animate(run, animation, report, loaded.end)  # first: a run that cannot be animated leaves no files
         files = run.save(out)
@@ -130,7 +130,9 @@ def _animate(run: Run | MachineRun, file: str, report: Report, end: float) -> No
 
 def _show_written(content: dict[str, Any], files: list[Path], out: Path, animation: str, json: bool) -> None:
     text = f"wrote {animation}" if animation else ""
-    given.show(text, files, out, content | ({"animation": animation} if animation else {}) if json else None)
+    options.show(
+        text, files, out, content | ({"animation": animation} if animation else {}) if json else None
+    )
 
 
 def _drive(
@@ -143,7 +145,7 @@ def _drive(
     out = out or Path("out") / block.name
     check_folder(out)
     end = run_length(seconds, log)
-    with given.progress_bar(f"simulate {block.name}", end) as report:
+    with options.progress_bar(f"simulate {block.name}", end) as report:
         run = run_machine(block, seconds=seconds, commands=log, progress=report)
         _animate(run, animation, report, end)
         files = run.save(out)
@@ -168,7 +170,7 @@ def _drive_fmu(
     out = out or Path("out") / plant.name
     check_folder(out)
     end = run_length(seconds, log)
-    with given.progress_bar(f"simulate {plant.name}", end) as report:
+    with options.progress_bar(f"simulate {plant.name}", end) as report:
         run = simulate_fmu(plant, seconds=seconds, commands=log, match_start=match_start, progress=report)
         _animate(run, animation, report, end)
         files = run.save(out)

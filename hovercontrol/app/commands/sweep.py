@@ -12,18 +12,18 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hovercontrol.app.commands import given, names
-from hovercontrol.app.commands.given import Out
-from hovercontrol.base import files, written
+from hovercontrol.app.commands import names, options
+from hovercontrol.app.commands.options import Out
+from hovercontrol.base import file_list, files
 from hovercontrol.base.errors import InputError, shown
-from hovercontrol.base.files import check_folder, folder_made
+from hovercontrol.base.files import check_folder, make_folder
 from hovercontrol.base.folders import own_folder
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from hovercontrol.documents.scenarios.varied import Varied
+    from hovercontrol.documents.scenarios.grid import GridResult
     from hovercontrol.logs import Log
 
 #: Files of a checkpoint, of :mod:`hovercontrol.blocks.backends.checkpoint`.
@@ -61,16 +61,16 @@ def sweep(
             autocompletion=names.of("final", "maximum", "minimum", "rms", "settling"),
         ),
     ] = "rms",
-    model: given.Runs = None,
-    commands: given.Commands = "",
-    columns: given.Columns = "",
-    period: given.Period = None,
-    params: given.Params = None,
+    model: options.Runs = None,
+    commands: options.Commands = "",
+    columns: options.Columns = "",
+    period: options.Period = None,
+    params: options.Params = None,
     out: Out = None,
     resume: Annotated[
         bool, typer.Option("--resume", help="Continue an interrupted sweep from OUT.partial.")
     ] = False,
-    json: given.Json = False,
+    json: options.Json = False,
 ) -> int:
     """Run a scenario at every point of a range or a grid; write a table and a picture.
 
@@ -93,15 +93,15 @@ def sweep(
     if not ranges:
         raise InputError("sweep: expected one or two --vary KEY=FROM:TO:POINTS")
     name, run = _what(
-        given.run_of("sweep", scenario, model),
-        given.commands_of("sweep", commands, columns, period),
+        options.run_of("sweep", scenario, model),
+        options.commands_of("sweep", commands, columns, period),
         params,
     )
     out = out or Path("out") / f"{name}-sweep"
     partial = _partial_folder(out)
-    if written.refuse_others(partial) and not resume:
-        written.remove_own(partial, RUNS)
-    with _kept(partial), given.progress_bar(f"sweep {name}", 1.0) as report:
+    if file_list.refuse_others(partial) and not resume:
+        file_list.remove_own(partial, RUNS)
+    with _kept(partial), options.progress_bar(f"sweep {name}", 1.0) as report:
         found = run(ranges, of, figure, progress=lambda done: report(done), checkpoint=partial)
         saved = found.save(out)
     values = found.values.ravel()
@@ -109,7 +109,7 @@ def sweep(
         axes = [{"key": a.name, "unit": a.unit, "values": a.values} for a in found.axes]
         failed = [str(f) for f in found.result.failures]
         content = {"of": found.of, "figure": figure, "unit": found.unit, "axes": axes, "values": found.values}
-        given.show("", saved, out, {"scenario": name, **content, "failures": failed})
+        options.show("", saved, out, {"scenario": name, **content, "failures": failed})
         return 1 if failed else 0
     if np.isfinite(values).any():
         for word, k in (("smallest", np.nanargmin(values)), ("largest", np.nanargmax(values))):
@@ -126,24 +126,24 @@ def sweep(
     return 1 if failures else 0
 
 
-def _what(scenario: str, log: Log | None, params: Path | None) -> tuple[str, Callable[..., Varied]]:
+def _what(scenario: str, log: Log | None, params: Path | None) -> tuple[str, Callable[..., GridResult]]:
     """Return the name of what is run, and a function that runs it over ranges."""
     from hovercontrol.blocks.block import Block
     from hovercontrol.craft.models.model import Model
     from hovercontrol.documents.scenarios import load_scenario
     from hovercontrol.documents.scenarios.drive import driven
-    from hovercontrol.documents.scenarios.varied import vary, vary_machine
+    from hovercontrol.documents.scenarios.grid import vary, vary_machine
 
     if not scenario:
         raise InputError(
             "sweep: expected a scenario's name (hovercontrol simulate --list shows them) or file"
         )
-    plant = given.fmu_of("sweep", scenario, "", params)
+    plant = options.fmu_of("sweep", scenario, "", params)
     if plant is not None:
         from hovercontrol.documents.scenarios.fmu_sweep import vary_fmu
 
         return plant.name, functools.partial(vary_fmu, plant, commands=log)
-    own = given.from_users_file(scenario, params)
+    own = options.from_users_file(scenario, params)
     if own is None and params:
         raise InputError(f"sweep: --params belongs to a model FILE.py:NAME, found {scenario}")
     if own is None:
@@ -168,17 +168,17 @@ def _partial_folder(out: Path) -> Path:
 @contextmanager
 def _kept(partial: Path) -> Iterator[None]:
     """Keep the partial results of a sweep only while it can be resumed."""
-    with folder_made(partial.parent):
+    with make_folder(partial.parent):
         own_folder(partial)
         try:
             yield
         except (InputError, KeyboardInterrupt) as error:
             if not any(partial.glob(f"*/{RUNS}")):
-                written.remove_own(partial, RUNS)
+                file_list.remove_own(partial, RUNS)
             elif isinstance(error, KeyboardInterrupt):
                 files.kept[:] = [partial]
             raise
-        written.remove_own(partial, RUNS)
+        file_list.remove_own(partial, RUNS)
 
 
 def _range(text: str) -> tuple[str, NDArray[np.float64]]:
@@ -192,7 +192,7 @@ def _range(text: str) -> tuple[str, NDArray[np.float64]]:
     if not (key and equals and len(parts) == 3 and points):
         raise InputError(f"--vary: expected KEY=FROM:TO:POINTS, found {shown(text)}")
     from hovercontrol.control.analysis.regions import axis
-    from hovercontrol.documents.scenarios.varied import MAX_RUNS
+    from hovercontrol.documents.scenarios.grid import MAX_RUNS
 
     if points > MAX_RUNS:
         raise InputError(f"--vary {key}: expected {MAX_RUNS} points at most, found {points:.4g}")

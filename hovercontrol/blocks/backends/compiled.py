@@ -34,7 +34,7 @@ from hovercontrol.blocks.backends.sweep_run import run_sweep
 from hovercontrol.blocks.block import Block, Rows
 from hovercontrol.blocks.delays import arrivals, undelayed
 from hovercontrol.blocks.friction import Friction
-from hovercontrol.blocks.simulation.given import checked_times, initial_state, input_rows
+from hovercontrol.blocks.simulation.arguments import checked_times, initial_state, input_rows
 from hovercontrol.blocks.simulation.python_runner import start_block
 from hovercontrol.blocks.simulation.reasons import REASONS, StoppedError, where_it_stops
 from hovercontrol.blocks.simulation.runner import BlockRunner, Inputs

@@ -29,7 +29,7 @@ import sympy as sp
 
 from hovercontrol.base.errors import InputError
 from hovercontrol.base.files import write_quietly
-from hovercontrol.base.trusted import distrust, private_folder_made, trusted_bytes
+from hovercontrol.base.trusted import distrust, make_private_folder, trusted_bytes
 from hovercontrol.blocks.block import Block
 
 #: Flags for the same numerical results on every machine: no fast-math, no fused multiply-add, no instructions
@@ -143,7 +143,7 @@ def cache_folder() -> Path:
     base = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA") or "~/.cache"
     try:
         place = Path(own or os.path.join(base, "hovercontrol")).expanduser()
-        private_folder_made(place)
+        make_private_folder(place)
         folder = place.resolve() / "compiled"  # links are allowed above this folder, not below
         folder.mkdir(mode=0o700, exist_ok=True)
         reason = distrust(folder)

@@ -44,7 +44,7 @@ from hovercontrol.blocks.backends.sweep import (
     units_of_runs,
     values_of_runs,
 )
-from hovercontrol.blocks.simulation.given import checked_times
+from hovercontrol.blocks.simulation.arguments import checked_times
 
 if TYPE_CHECKING:
     from hovercontrol.blocks.backends.compiled import CompiledBlock

@@ -19,7 +19,7 @@ from hovercontrol.blocks.backends.gym_task import ENDED, REWARD, Bounds, Judge, 
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.expressions import Expressions
 from hovercontrol.blocks.signals import Signal, time
-from hovercontrol.blocks.simulation.given import by_state
+from hovercontrol.blocks.simulation.arguments import by_state
 
 
 @checked

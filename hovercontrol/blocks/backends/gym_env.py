@@ -37,7 +37,7 @@ class SingleSteps:
         self._dt = task.step
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return again, (self.task,)
+        return copied_environment, (self.task,)
 
     def reset(
         self, *, seed: int | None = None, options: Mapping[str, Any] | None = None
@@ -99,7 +99,7 @@ class SingleSteps:
         return seen.copy(), reward, ended, self._steps >= self._limit, {}
 
 
-def again(task: Task) -> Any:
+def copied_environment(task: Task) -> Any:
     """Return an environment again, for copies in other processes."""
     import gymnasium
 

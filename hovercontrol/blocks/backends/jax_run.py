@@ -21,7 +21,7 @@ from hovercontrol.blocks.backends.jax_needs import Run, need_jax
 from hovercontrol.blocks.backends.library import Solver
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.delays import Arrivals, arrivals
-from hovercontrol.blocks.simulation.given import by_state, checked_times, initial_state, input_rows
+from hovercontrol.blocks.simulation.arguments import by_state, checked_times, initial_state, input_rows
 from hovercontrol.blocks.simulation.reasons import REASONS, StoppedError
 from hovercontrol.blocks.simulation.trajectory import time_response
 from hovercontrol.blocks.switching import longest_step, switching_conditions, switching_times

@@ -17,7 +17,7 @@ from hovercontrol.blocks.backends.library import Solver
 from hovercontrol.blocks.backends.sweep import FIGURES, Many, SweepResult, in_threads
 from hovercontrol.blocks.backends.sweep_run import Sweep, sweep_of
 from hovercontrol.blocks.delays import arrivals_of_runs
-from hovercontrol.blocks.simulation.given import checked_times
+from hovercontrol.blocks.simulation.arguments import checked_times
 
 if TYPE_CHECKING:
     from hovercontrol.blocks.backends.jax import JaxFunctions

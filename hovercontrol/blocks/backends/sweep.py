@@ -21,7 +21,7 @@ from hovercontrol.base.pyplot import open_in_pyplot
 from hovercontrol.base.short_repr import cut, listed, short, short_repr
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.signals import Signal
-from hovercontrol.blocks.simulation.given import own_states
+from hovercontrol.blocks.simulation.arguments import own_states
 from hovercontrol.blocks.simulation.reasons import REASONS
 
 if TYPE_CHECKING:

@@ -27,7 +27,7 @@ from hovercontrol.blocks.backends.sweep import (
 )
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.delays import arrivals_of_runs
-from hovercontrol.blocks.simulation.given import by_state, input_rows
+from hovercontrol.blocks.simulation.arguments import by_state, input_rows
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ import numpy as np
 from hovercontrol.base.errors import InputError
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.interconnect import interconnect
-from hovercontrol.blocks.simulation.given import initial_state
+from hovercontrol.blocks.simulation.arguments import initial_state
 from hovercontrol.blocks.simulation.sampled import Ticking as Ticking
 from hovercontrol.blocks.simulation.trajectory import simulate, time_response
 

@@ -22,7 +22,7 @@ from hovercontrol.base.errors import InputError, check_known
 from hovercontrol.base.short_repr import short_repr
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.delays import UnderWay, delay_values, undelayed
-from hovercontrol.blocks.simulation.given import by_state, initial_state
+from hovercontrol.blocks.simulation.arguments import by_state, initial_state
 from hovercontrol.blocks.simulation.reasons import REASONS, StoppedError, where_it_stops
 from hovercontrol.blocks.simulation.ticking import between_ticks
 

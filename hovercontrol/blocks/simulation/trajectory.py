@@ -22,8 +22,8 @@ from hovercontrol.base.errors import InputError, check_known
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.delays import arrivals, undelayed
 from hovercontrol.blocks.functions import call_scalar, numpy_functions
+from hovercontrol.blocks.simulation.arguments import checked_times, initial_state, input_rows
 from hovercontrol.blocks.simulation.effort import Effort
-from hovercontrol.blocks.simulation.given import checked_times, initial_state, input_rows
 from hovercontrol.blocks.simulation.ticking import run_hybrid
 from hovercontrol.blocks.switching import longest_step
 

@@ -15,7 +15,7 @@ import numpy as np
 import sympy as sp
 from numpy.typing import ArrayLike, NDArray
 
-from hovercontrol.base.arguments import together
+from hovercontrol.base.arguments import broadcastable
 from hovercontrol.base.arrays import Array
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError
@@ -88,7 +88,7 @@ class LyapunovFunction:
         k1, k2, beta : array_like
             Gains [1/s^2, 1/s] and beta [1/s].
         """
-        given = together("LyapunovFunction.numbers", k1=k1, k2=k2, beta=beta)
+        given = broadcastable("LyapunovFunction.numbers", k1=k1, k2=k2, beta=beta)
         shape = np.broadcast_shapes(*(a.shape for a in given))
         entries = sp.lambdify((self.k1, self.k2, self.beta), list(matrix))(*given)
         full = [np.broadcast_to(np.asarray(e, dtype=float), shape) for e in entries]

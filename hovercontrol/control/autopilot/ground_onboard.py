@@ -111,7 +111,7 @@ def board_side(period: float, thruster: Thruster, servo: ServoTable) -> Block:
         servos.append(_renamed(follows, ports))
         forces.append(_renamed(force, ports))
     commands = sent_commands(thruster)
-    taken = [after(s, "taken") for s in commands]
+    taken = [stage_signal(s, "taken") for s in commands]
     parts = [
         selector(
             "update_20ms",
@@ -144,9 +144,9 @@ def held_side(period: float, commands: Sequence[Signal]) -> Block:
     """Return a Block that samples the received commands every `period` (20 ms) and holds them."""
     return Block(
         "update",
-        inputs=tuple(after(s, "sent") for s in commands),
-        outputs=tuple(after(s, "held") for s in commands),
-        output_expressions={f"{s.name}_held": after(s, "sent").symbol for s in commands},
+        inputs=tuple(stage_signal(s, "sent") for s in commands),
+        outputs=tuple(stage_signal(s, "held") for s in commands),
+        output_expressions={f"{s.name}_held": stage_signal(s, "sent").symbol for s in commands},
         period=period,
     )
 
@@ -156,7 +156,7 @@ def _servos(servo: ServoTable) -> tuple[tuple[str, ServoTable, dict[str, float]]
     return ("", servo, {}), ("_ideal", ideal_servo(), STRAIGHT)
 
 
-def after(signal: Signal, end: str) -> Signal:
+def stage_signal(signal: Signal, end: str) -> Signal:
     """Return a signal renamed with the suffix of its stage in the loop."""
     return signal.replace(name=f"{signal.name}_{end}")
 

@@ -15,11 +15,11 @@ from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.interconnect import interconnect
 from hovercontrol.blocks.signals import Signal
 from hovercontrol.control.autopilot.ground_onboard import (
-    after,
     board_side,
     held_side,
     pilot_side,
     sent_commands,
+    stage_signal,
 )
 from hovercontrol.control.autopilot.imperfections import Imperfections
 from hovercontrol.control.autopilot.limits import lossy_tables
@@ -216,7 +216,7 @@ def autopilot_parts(
         selector(
             "uplink_delay",
             "40 ms from the law to the craft",
-            {after(s, "sent"): (f"{s.name}_received", f"{s.name}_next") for s in commands},
+            {stage_signal(s, "sent"): (f"{s.name}_received", f"{s.name}_next") for s in commands},
         ),
         held_side(UPDATE, commands),
         board_side(period, thruster, servo),

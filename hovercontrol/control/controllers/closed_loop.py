@@ -11,7 +11,7 @@ from hovercontrol.base.arguments import whole_periods
 from hovercontrol.base.arrays import Array
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.functions import numpy_functions
-from hovercontrol.blocks.simulation.given import initial_state
+from hovercontrol.blocks.simulation.arguments import initial_state
 from hovercontrol.blocks.simulation.trajectory import time_response
 from hovercontrol.control.controllers.approach import ControlledResponse
 

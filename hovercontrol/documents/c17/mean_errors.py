@@ -15,9 +15,9 @@ from hovercontrol.blocks.interconnect import interconnect
 from hovercontrol.blocks.signals import Signal, time
 from hovercontrol.documents.scenarios import Scenario
 from hovercontrol.documents.scenarios.definition import Metric
+from hovercontrol.documents.scenarios.grid import swept_phases
 from hovercontrol.documents.scenarios.parts import loop_parts
 from hovercontrol.documents.scenarios.sampling import sampled_loop
-from hovercontrol.documents.scenarios.varied import swept_phases
 
 
 def mean_errors(scenario: Scenario, given: Mapping[str, ArrayLike]) -> Array:

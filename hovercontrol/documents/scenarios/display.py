@@ -10,8 +10,8 @@ from hovercontrol.blocks.backends.sweep_display import sweep_html
 from hovercontrol.logs.display import courses
 
 if TYPE_CHECKING:
+    from hovercontrol.documents.scenarios.grid import GridResult
     from hovercontrol.documents.scenarios.result import Run
-    from hovercontrol.documents.scenarios.varied import Varied
 
 
 def run_html(run: Run) -> str:
@@ -34,7 +34,7 @@ def _range(low: float, high: float) -> str:
     return f"< {high:g}" if math.isinf(low) else f"> {low:g}" if math.isinf(high) else f"{low:g} to {high:g}"
 
 
-def varied_html(found: Varied) -> str:
+def varied_html(found: GridResult) -> str:
     """Return a sweep as HTML."""
     axes = [(a.name, a.unit, float(a.values[0]), float(a.values[-1]), len(a.values)) for a in found.axes]
     heads = ("varied", "unit", "from", "to", "points")

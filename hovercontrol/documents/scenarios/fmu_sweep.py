@@ -16,7 +16,7 @@ from hovercontrol.base.errors import InputError
 from hovercontrol.blocks.backends.checkpoint import Checkpoint
 from hovercontrol.blocks.backends.sweep import FIGURES, WORKER_FAILED, SweepResult
 from hovercontrol.documents.scenarios.fmu_runs import Drive, drive_of, ready, run_over
-from hovercontrol.documents.scenarios.varied import PART, Variable, Varied, varied
+from hovercontrol.documents.scenarios.grid import PART, GridResult, Variable, run_grid
 from hovercontrol.fmi.replay.plant import FmuPlant
 from hovercontrol.fmi.replay.runs import RunFailed
 from hovercontrol.logs.log import Log
@@ -34,7 +34,7 @@ def vary_fmu(
     commands: Log | None = None,
     progress: Callable[[float], None] | None = None,
     checkpoint: str | Path | None = None,
-) -> Varied:
+) -> GridResult:
     """Drive an FMU by steps of its inputs, or by those of a log, at every point of a grid.
 
     Parameters
@@ -45,7 +45,7 @@ def vary_fmu(
     of : str, optional
         The output, or state, that is asked about; default: the first.
     figure, progress, checkpoint
-        As of :func:`hovercontrol.documents.scenarios.varied.vary`.
+        As of :func:`hovercontrol.documents.scenarios.grid.vary`.
     commands : Log, optional
         Log with the FMU's inputs, held from row to row.
 
@@ -63,7 +63,7 @@ def vary_fmu(
         return _swept(_ready(plant, drive, given), drive, given, outputs, progress, checkpoint)
 
     title = f"{plant.name}: {'steps of its inputs' if commands is None else f'inputs of {commands.name}'}"
-    return varied(plant.name, title, str(plant.path), outputs, known, ranges, of, figure, runs)
+    return run_grid(plant.name, title, str(plant.path), outputs, known, ranges, of, figure, runs)
 
 
 def _ready(plant: FmuPlant, drive: Drive, given: Mapping[str, Array]) -> FmuPlant:

@@ -17,7 +17,7 @@ from scipy.optimize import brentq
 
 from hovercontrol.base.arrays import Array
 from hovercontrol.base.errors import InputError, check_known
-from hovercontrol.blocks.simulation.given import checked_times
+from hovercontrol.blocks.simulation.arguments import checked_times
 from hovercontrol.fmi.importer.continuous import Continuous
 
 if TYPE_CHECKING:

@@ -29,7 +29,7 @@ from hovercontrol.identification.engine.measure import angles
 from hovercontrol.identification.engine.subject import Subject, structure, with_known_period
 from hovercontrol.identification.identify import identify
 from hovercontrol.identification.identify.fmu import trial_fit
-from hovercontrol.identification.identify.result import Fitted, others
+from hovercontrol.identification.identify.result import Fitted, groups_for_json
 from hovercontrol.logs import Log
 
 if TYPE_CHECKING:
@@ -139,7 +139,7 @@ class Checked:
                     }
                     for c in self.coefficients
                 ],
-                **others(self.groups, self.kept),
+                **groups_for_json(self.groups, self.kept),
             }
         )  # fmt: skip
         return found

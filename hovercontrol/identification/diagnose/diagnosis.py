@@ -16,10 +16,10 @@ from hovercontrol.base.pyplot import open_in_pyplot
 from hovercontrol.base.short_repr import short_repr
 from hovercontrol.craft.effects.law import is_law
 from hovercontrol.identification.diagnose.coefficients import Refitted, refitted
+from hovercontrol.identification.diagnose.evidence.effect_evidence import Evidence
 from hovercontrol.identification.diagnose.evidence.holdout import Ahead, Gap
 from hovercontrol.identification.diagnose.evidence.laws import regime_of, worst
 from hovercontrol.identification.diagnose.evidence.missing import Missing
-from hovercontrol.identification.diagnose.evidence.of_effects import Evidence
 from hovercontrol.identification.diagnose.evidence.remainder import Remainder
 from hovercontrol.identification.diagnose.evidence.sensors import SlowError
 from hovercontrol.identification.diagnose.experiment.proposal import Experiment
@@ -27,7 +27,7 @@ from hovercontrol.identification.diagnose.laws.yardstick import Yardstick
 from hovercontrol.identification.diagnose.places import acts_in, place_of, place_of_rival
 from hovercontrol.identification.diagnose.search.confirm import Rival, Selection
 from hovercontrol.identification.diagnose.search.leads import Lead
-from hovercontrol.identification.diagnose.search.trace import Decision, about
+from hovercontrol.identification.diagnose.search.trace import Decision, decisions_about
 from hovercontrol.identification.diagnose.verdict import Verdict
 from hovercontrol.identification.engine.fit import Fit
 from hovercontrol.identification.engine.groups import Group
@@ -203,7 +203,7 @@ class Diagnosis:
         effect : str
             Name of an effect; for one that was not considered the list is empty.
         """
-        return about(self.trace, effect)
+        return decisions_about(self.trace, effect)
 
     @property
     def coefficients(self) -> tuple[Refitted, ...]:

@@ -25,7 +25,7 @@ from hovercontrol.fmi.replay.start_values import (
 )
 from hovercontrol.identification.diagnose.evidence.blocks import Blocks
 from hovercontrol.identification.diagnose.search.leads import Lead
-from hovercontrol.identification.diagnose.search.trace import Decision, about
+from hovercontrol.identification.diagnose.search.trace import Decision, decisions_about
 from hovercontrol.identification.diagnose.verdict import Verdict
 
 #: Name of the FMU with effects around it.
@@ -151,7 +151,7 @@ class FmuDiagnosis:
         effect : str
             With its place: ``before.u_lag``; for one that was not considered the list is empty.
         """
-        return about(self.trace, effect)
+        return decisions_about(self.trace, effect)
 
     def __repr__(self) -> str:
         return "\n".join([f"FmuDiagnosis: {self.verdict}", *(f"  {line}" for line in self.sentences())])

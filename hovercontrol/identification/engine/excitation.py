@@ -19,7 +19,7 @@ from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.derivatives import partial_derivatives
 from hovercontrol.blocks.signals import Signal
 from hovercontrol.identification.engine.fit import Fit
-from hovercontrol.identification.engine.groups import groups, said_of
+from hovercontrol.identification.engine.groups import group_text, groups
 from hovercontrol.identification.engine.kalman import run_filter
 from hovercontrol.identification.engine.noise import augment
 from hovercontrol.identification.engine.passes import inverse
@@ -194,7 +194,7 @@ class Excitation:
         ]
         idle = idle_inputs(problem.block, signal.name, moving)
         label, std = self.labels[j], float(np.sqrt(self.covariance[j, j]))
-        return said_of(label, self.groups) or reason(
+        return group_text(label, self.groups) or reason(
             label, std, self.size[j], self.alone[j], self.directions, signal.unit, idle
         )
 

@@ -23,9 +23,9 @@ from hovercontrol.identification.engine.noise import ONWARD, Noise, moved, timed
 from hovercontrol.identification.engine.outliers import OUTLIERS, outliers
 from hovercontrol.identification.engine.passes import (
     Pass,
-    alone,
     costs_of,
     inverse,
+    leave_one_out,
     newton,
     residuals,
     tried_pass,
@@ -391,14 +391,14 @@ class _Iteration:
                 self.onward()
             changed = True
         if changed and self.problem.data.down_weighted.any():  # with the updated noise levels
-            variance = alone(self.problem, self.now)[1]
+            variance = leave_one_out(self.problem, self.now)[1]
             self.onward(self.problem.weighted(np.where(self.problem.data.down_weighted, variance, 1.0)))
         return changed
 
     def _less(self) -> Problem | None:
         """Return the problem with more samples removed or down-weighted; None if there is no outlier."""
         problem = self.problem
-        left, variance = alone(problem, self.now)
+        left, variance = leave_one_out(problem, self.now)
         out = outliers(left, problem.seen)
         before = problem.data.down_weighted
         doubtful = outliers(np.where(before, 0.0, left), problem.seen, OUTLIERS.doubtful)

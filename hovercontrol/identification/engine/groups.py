@@ -59,7 +59,7 @@ class Group:
         return sum(k * p for p, k in each) if self.added else math.prod(p**k for p, k in each)
 
 
-def said_of(name: str, found: Sequence[Group]) -> str:
+def group_text(name: str, found: Sequence[Group]) -> str:
     """Return why a parameter is not determined alone; empty if it is in no group."""
     own = [g for g in found if name in g.members]
     if not own:

@@ -156,7 +156,7 @@ def residuals(problem: Problem, now: Pass) -> Array:
     return np.where(problem.seen, e / np.sqrt(now.system.R - known), 0.0)
 
 
-def alone(problem: Problem, now: Pass) -> tuple[Array, Array]:
+def leave_one_out(problem: Problem, now: Pass) -> tuple[Array, Array]:
     """Return the leave-one-out residual of each sample, and its maximum likelihood noise variance.
 
     Returns

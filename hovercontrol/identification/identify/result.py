@@ -426,7 +426,7 @@ class Identified:
         return write_atomically(path, write)
 
 
-def others(groups: Sequence[Fitted], kept: Sequence[Fitted]) -> dict[str, list[dict[str, object]]]:
+def groups_for_json(groups: Sequence[Fitted], kept: Sequence[Fitted]) -> dict[str, list[dict[str, object]]]:
     """Return groups and kept coefficients for JSON."""
     return {
         "groups": [{"name": g.name, "value": g.value, "std": g.std, "unit": g.unit} for g in groups],

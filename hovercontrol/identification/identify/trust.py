@@ -25,7 +25,7 @@ from hovercontrol.craft.effects import Effect
 from hovercontrol.identification.diagnose.criteria import CRITERIA
 from hovercontrol.identification.diagnose.search.candidates import candidates
 from hovercontrol.identification.diagnose.search.fit import Search, Tried, try_effect
-from hovercontrol.identification.diagnose.search.score import Scored, Scores, at_its_time
+from hovercontrol.identification.diagnose.search.score import Scored, Scores, likeliest_onset
 from hovercontrol.identification.diagnose.search.sets import singles
 from hovercontrol.identification.engine.feedback import fed_back
 from hovercontrol.identification.engine.fit import Fit, refit
@@ -178,7 +178,7 @@ def _tried(search: Search, fit: Fit, count: int) -> list[Tried]:
     for s in _worthy(fit):
         if len(found) == count or missed > count:
             break
-        s = at_its_time(fit, s)
+        s = likeliest_onset(fit, s)
         if any(t.effect.twin(s.effect) for t in found):
             continue
         t = try_effect(search, fit, s.effect, s)

@@ -11,7 +11,7 @@ from hovercontrol.base.errors import InputError, shown
 from hovercontrol.blocks.block import Block
 from hovercontrol.identification.monitor.candidates import Craft
 from hovercontrol.identification.monitor.monitor import monitor
-from hovercontrol.identification.monitor.noise import first_part, fitted_on, noise_from
+from hovercontrol.identification.monitor.noise import first_part, noise_from, trained_model
 from hovercontrol.logs.log import POSE, Log
 
 #: Shortest period of a monitor [s]; of faster logs every n-th row is used.
@@ -79,7 +79,7 @@ def build(
     source = train if train is not None else first_part(log)
     report(0.0, "fitting the noise")
     if train is not None:
-        model, noise, std = fitted_on(model, train, channels, lambda part, what: report(0.3 * part, what))
+        model, noise, std = trained_model(model, train, channels, lambda part, what: report(0.3 * part, what))
         where = f"coefficients and noise fitted on {train.name}"
     else:
         noise, std = noise_from(model, source, channels), {}

@@ -19,7 +19,7 @@ from dataclasses import replace
 import numpy as np
 
 from hovercontrol.base.arrays import Array
-from hovercontrol.identification.monitor.threshold import Signatures, floors, taken
+from hovercontrol.identification.monitor.threshold import Signatures, floors, next_content
 
 
 def dispersion_of(found: Signatures, innovations: Array) -> Array:
@@ -39,7 +39,7 @@ def dispersion_of(found: Signatures, innovations: Array) -> Array:
         told = info > floor  # a test below that says little
         squares += np.where(told, score**2 / np.where(told, info, 1.0), 0.0).sum(axis=0)
         tests += told.sum(axis=0)
-        score = taken(score, 0.0, found.moved[k])
+        score = next_content(score, 0.0, found.moved[k])
     return np.maximum(1.0, squares / np.maximum(tests, 1.0))
 
 

@@ -15,7 +15,7 @@ from hovercontrol.identification.monitor.alarms import Alarms
 from hovercontrol.identification.monitor.clock import CHAIN
 from hovercontrol.identification.monitor.feed import Feed, Tick
 from hovercontrol.identification.monitor.notes import Note
-from hovercontrol.identification.monitor.replay import alarm_json, said, threshold_of
+from hovercontrol.identification.monitor.replay import alarm_json, events, threshold_of
 from hovercontrol.identification.monitor.rows import Rows
 
 Event = dict[str, Any]
@@ -143,7 +143,7 @@ class _Following:
     def _say(self, found: Iterable[Tick | Note]) -> Iterator[Event]:
         ticks = False
         for one in found:
-            for event, alarm in said(self.feed, self.alarms, one):
+            for event, alarm in events(self.feed, self.alarms, one):
                 yield {"event": event, **alarm_json(alarm)}
             if isinstance(one, Tick):
                 self._last, ticks = one, True

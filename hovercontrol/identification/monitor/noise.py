@@ -106,7 +106,7 @@ def noise_from(model: Craft, log: Log, channels: Sequence[str]) -> NoiseLevels:
     return noise_of(fit, channels)
 
 
-def fitted_on(
+def trained_model(
     model: Craft, log: Log, channels: Sequence[str], progress: Callable[[float, str], None] | None = None
 ) -> tuple[Craft, NoiseLevels, dict[str, float]]:
     """Return a model with the coefficients that a training log shows, its noise levels, and standard errors.

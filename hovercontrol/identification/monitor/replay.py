@@ -241,7 +241,7 @@ def replay(
                 ticks.append(one)
             elif not one.name:
                 faults.append(one)
-            for _ in said(feed, alarms, one):
+            for _ in events(feed, alarms, one):
                 pass
 
     for k, time in enumerate(log.time.tolist()):
@@ -256,7 +256,7 @@ def replay(
     return _replayed(watch, log.name, feed, alarms, ticks, lines)
 
 
-def said(feed: Feed, alarms: Alarms, one: Tick | Note) -> Iterator[tuple[str, Alarm]]:
+def events(feed: Feed, alarms: Alarms, one: Tick | Note) -> Iterator[tuple[str, Alarm]]:
     """Give the events of a tick, or of a note on a command; restart the tests after an alarm."""
     if isinstance(one, Note):
         yield from alarms.command(one)

@@ -86,11 +86,11 @@ def signatures_of(eta: Array, first: int) -> Signatures:
         sums = sums + (eta[k] ** 2).sum(axis=2)
         start[k], information[k] = now, sums
         moved[k] = [(k + 1) % (first * 2**w) == 0 for w in range(W)]
-        now, sums = taken(now, k + 1, moved[k]), taken(sums, 0.0, moved[k])
+        now, sums = next_content(now, k + 1, moved[k]), next_content(sums, 0.0, moved[k])
     return Signatures(eta, start, information, moved)
 
 
-def taken(content: NDArray[Any], fresh: float, moved: NDArray[np.bool_]) -> NDArray[Any]:
+def next_content(content: NDArray[Any], fresh: float, moved: NDArray[np.bool_]) -> NDArray[Any]:
     """Return the windows' content for the next tick, along the first axis."""
     earlier = np.concatenate([np.full_like(content[:1], fresh), content[:-1]])
     return np.where(moved.reshape(-1, *[1] * (content.ndim - 1)), earlier, content)

@@ -12,7 +12,7 @@ from hovercontrol.craft.models.template import template
 from hovercontrol.craft.models.vehicles import vehicle
 from hovercontrol.documents.scenarios import load_scenario, run_scenario
 from hovercontrol.documents.scenarios.drive import driven
-from hovercontrol.documents.scenarios.varied import vary
+from hovercontrol.documents.scenarios.grid import vary
 
 
 def test_one_number_is_a_curve_two_are_a_map(call, tmp_path):

@@ -195,7 +195,7 @@ def _plan_and_values(block, key, runs):
     from hovercontrol.blocks.backends.engines import checked_solver
     from hovercontrol.blocks.backends.jax_run import plan_of
     from hovercontrol.blocks.delays import arrivals
-    from hovercontrol.blocks.simulation.given import input_rows
+    from hovercontrol.blocks.simulation.arguments import input_rows
 
     functions, times = block.to_jax().plain, np.array([0.0, 0.03, 0.1])
     values, solver = np.array(block.parameter_values()), checked_solver("rk4", 0.01, 1e-6, 1e-9)

@@ -11,9 +11,9 @@ from hovercontrol.blocks.simulation.trajectory import simulate
 from hovercontrol.control.observers import SampledEstimator
 from hovercontrol.documents.scenarios import load_scenario, run_scenario
 from hovercontrol.documents.scenarios.definition import Phase
+from hovercontrol.documents.scenarios.grid import vary
 from hovercontrol.documents.scenarios.parts import loop_parts, phase_parameters
 from hovercontrol.documents.scenarios.sampling import sampled_loop
-from hovercontrol.documents.scenarios.varied import vary
 
 TABLE2 = load_scenario("table2")
 #: Two phases, the estimator on in the second, without noise: that a hand can step.

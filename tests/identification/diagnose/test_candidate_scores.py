@@ -7,7 +7,7 @@ from hovercontrol.craft.effects import effect
 from hovercontrol.identification.diagnose.search.base import base_fit
 from hovercontrol.identification.diagnose.search.candidates import CANDIDATES, Candidate, candidates
 from hovercontrol.identification.diagnose.search.columns import Along, columns
-from hovercontrol.identification.diagnose.search.score import Scores, at_its_time
+from hovercontrol.identification.diagnose.search.score import Scores, likeliest_onset
 from hovercontrol.identification.engine.data import gather
 
 from .generator import Conditions, make
@@ -69,7 +69,7 @@ def test_a_delay_is_where_it_scores_best(seed, name):
     case = make(seed, [name], SHORT)
     fit = fitted(case)
     (coarse,) = Scores(fit, candidates(fit, [name])).best()
-    found = at_its_time(fit, coarse).effect.values["seconds"]
+    found = likeliest_onset(fit, coarse).effect.values["seconds"]
     assert found == pytest.approx(case.truth.effect(name).values["seconds"], rel=0.04)
 
 
@@ -77,7 +77,7 @@ def test_a_delay_promises_what_it_gains_whole():
     """Behind a lag, a push of which half is late and half is not would gain more."""
     fit = fitted(make(18, ["thrust_lag"], SHORT))
     (delay,) = Scores(fit, candidates(fit, ["input_delay"])).best()
-    found = at_its_time(fit, delay)
+    found = likeliest_onset(fit, delay)
     whole = Scores(fit, [found.candidate]).of(0)
     part = whole.parts[0]
     assert 0.5 < part < 0.9
@@ -89,7 +89,7 @@ def test_a_jump_is_where_it_scores_best():
     case = make(18, ["parameter_jump"])
     fit = fitted(case)
     (coarse,) = Scores(fit, candidates(fit, ["parameter_jump"])).best()
-    fine = at_its_time(fit, coarse)
+    fine = likeliest_onset(fit, coarse)
     truth = case.truth.effect("parameter_jump").values["seconds"]
     assert fine.gain > coarse.gain
     assert fine.effect.values["seconds"] == pytest.approx(truth, abs=0.1)

@@ -11,8 +11,8 @@ from hovercontrol.craft.effects import effect
 from hovercontrol.identification.diagnose import diagnose
 from hovercontrol.identification.diagnose.criteria import CRITERIA
 from hovercontrol.identification.diagnose.evidence.blocks import agreement
+from hovercontrol.identification.diagnose.evidence.effect_evidence import Evidence
 from hovercontrol.identification.diagnose.evidence.holdout import Gained, Horizons, ahead, held_fit
-from hovercontrol.identification.diagnose.evidence.of_effects import Evidence
 from hovercontrol.identification.diagnose.search.base import base_fit
 from hovercontrol.identification.diagnose.search.confirm import Selection
 from hovercontrol.identification.diagnose.search.fit import Tried, beside

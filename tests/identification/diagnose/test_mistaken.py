@@ -4,7 +4,7 @@ import pytest
 
 from hovercontrol.identification.diagnose.criteria import CRITERIA
 from hovercontrol.identification.diagnose.search.base import base_fit
-from hovercontrol.identification.diagnose.search.candidates import beyond, catalogue
+from hovercontrol.identification.diagnose.search.candidates import catalogue, effects_outside_catalogue
 from hovercontrol.identification.diagnose.search.select import select
 from hovercontrol.identification.engine.data import gather
 
@@ -55,8 +55,8 @@ def test_a_search_asks_in_place_of_what_it_may_be_taken_for(heavier):
         "mass_drift",
         *(f"{a}_cubic_drag" for a in ("surge", "sway", "yaw")),
     }
-    assert set(beyond(heavier.model)) == asked_for
-    assert set(beyond(heavier.model, ["mass_drift"])) == asked_for - {"mass_drift"}
+    assert set(effects_outside_catalogue(heavier.model)) == asked_for
+    assert set(effects_outside_catalogue(heavier.model, ["mass_drift"])) == asked_for - {"mass_drift"}
     assert not asked_for & {cls.name for cls in catalogue(heavier.model)}
     assert {cls.name for cls in catalogue(heavier.model, ["mass_drift"])} == {"mass_drift"}
 

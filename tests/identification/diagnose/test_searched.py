@@ -6,8 +6,8 @@ import pytest
 import hovercontrol as hc
 from hovercontrol.identification.diagnose.criteria import CRITERIA
 from hovercontrol.identification.diagnose.evidence.blocks import scatter
+from hovercontrol.identification.diagnose.evidence.effect_evidence import Evidence
 from hovercontrol.identification.diagnose.evidence.holdout import Gained, Horizons
-from hovercontrol.identification.diagnose.evidence.of_effects import Evidence
 from hovercontrol.identification.diagnose.search.searched import shown
 
 from .machines import MACHINES, logs, right

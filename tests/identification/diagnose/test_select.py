@@ -9,8 +9,8 @@ from hovercontrol.craft.effects import effect
 from hovercontrol.identification.diagnose.criteria import CRITERIA
 from hovercontrol.identification.diagnose.diagnose import diagnose
 from hovercontrol.identification.diagnose.search.base import base_fit
-from hovercontrol.identification.diagnose.search.fit import Search, Tried, try_effect, without_it
-from hovercontrol.identification.diagnose.search.rules import among, passes, why_not
+from hovercontrol.identification.diagnose.search.fit import Search, Tried, reduced_fit, try_effect
+from hovercontrol.identification.diagnose.search.rules import candidate_count, passes, why_not
 from hovercontrol.identification.diagnose.search.select import select
 from hovercontrol.identification.engine.data import gather
 from hovercontrol.identification.engine.fit import refit
@@ -62,11 +62,11 @@ def test_an_optimum_that_was_missed_is_no_effect(dragged):
     stuck = replace(found.final, cost=found.final.cost + 80.0)
     t = try_effect(search, stuck, effect("slope", x=0.01, y=0.0))
     assert t.gain > 80.0 and t.blocks.t < 3.0 and passes(t, 1, CRITERIA)
-    better = without_it(search, stuck, t)
+    better = reduced_fit(search, stuck, t)
     assert better.cost == pytest.approx(found.final.cost, abs=0.5)
     assert better.problem.names == found.final.problem.names  # the slope is not among them
     own = Tried("yaw_quadratic_drag", found.final, 100.0, found.blocks["yaw_quadratic_drag"], 1)
-    assert without_it(search, found.base, own) is None
+    assert reduced_fit(search, found.base, own) is None
 
 
 def test_which_drag_an_axis_lacks_is_asked_among_its_few(dragged):
@@ -78,8 +78,8 @@ def test_which_drag_an_axis_lacks_is_asked_among_its_few(dragged):
         (effect("slope", x=0.1, y=0.0), 4),
     ):
         t = try_effect(search, found.base, e)
-        assert among(search, t, [mine], 4) == count
-        assert among(search, t, [], 4) == 4
+        assert candidate_count(search, t, [mine], 4) == count
+        assert candidate_count(search, t, [], 4) == 4
 
 
 @pytest.mark.slow

@@ -9,7 +9,7 @@ from hovercontrol.craft.effects import effect
 from hovercontrol.identification.diagnose.criteria import CRITERIA
 from hovercontrol.identification.diagnose.search.candidates import Candidate
 from hovercontrol.identification.diagnose.search.score import Scores
-from hovercontrol.identification.diagnose.search.sets import singles, together
+from hovercontrol.identification.diagnose.search.sets import best_set, singles
 
 BLOCKS, ROWS = 12, 60
 NAMES = ("body_surge_force", "body_side_force", "rudder_offset", "gyro_bias")
@@ -62,7 +62,7 @@ def test_the_gain_is_that_of_squares_on_blocks_left_out(parts):
     assert pair == pytest.approx(left_out(residual, unknowns, columns[..., [0, 2]]), abs=1e-6)
     alone = singles(scores)
     assert alone[0].names == ("body_surge_force",)
-    assert together(scores, alone, CRITERIA) is None  # a needless second effect gains nothing
+    assert best_set(scores, alone, CRITERIA) is None  # a needless second effect gains nothing
 
 
 def test_two_effects_that_act_together_are_a_set(parts):
@@ -71,7 +71,7 @@ def test_two_effects_that_act_together_are_a_set(parts):
     residual = noise + 1.0 * columns[..., 0] - 0.45 * columns[..., 2]
     scores = table(residual, unknowns, columns)
     alone = singles(scores)
-    found = together(scores, alone, CRITERIA)
+    found = best_set(scores, alone, CRITERIA)
     assert set(found.names) == {"body_surge_force", "rudder_offset"}
     assert found.gain > alone[0].gain + CRITERIA.least
 
@@ -91,8 +91,8 @@ def test_a_shift_in_time_is_no_partner_of_another(parts):
     residual = noise - columns[..., 0] - columns[..., 1]
     scores = table(residual, unknowns, columns[..., :2], ("body_surge_force", "body_side_force"))
     alone = singles(scores)
-    assert together(scores, alone, CRITERIA) is not None
+    assert best_set(scores, alone, CRITERIA) is not None
     scores = table(residual, unknowns, columns[..., :2], ("body_surge_force", "body_side_force"))
     scores.tried = [Candidate(n, effect(n, 0.01), ()) for n in names]
     alone = singles(scores)
-    assert len(alone) == 2 and together(scores, alone, CRITERIA) is None
+    assert len(alone) == 2 and best_set(scores, alone, CRITERIA) is None

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hovercontrol.app.commands.given import pairs
+from hovercontrol.app.commands.options import pairs
 from hovercontrol.base.errors import InputError
 from hovercontrol.logs import Log, read_log
 from tests.logs.readers import written

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hovercontrol.app.commands.given import pairs
+from hovercontrol.app.commands.options import pairs
 from hovercontrol.base.errors import InputError
 from hovercontrol.logs import read_log
 from hovercontrol.logs.source import format_of

@@ -16,7 +16,7 @@ import numpy as np
 import sympy as sp
 from numpy.typing import ArrayLike
 
-from hovercontrol.base.arguments import as_row, together
+from hovercontrol.base.arguments import as_row, broadcastable
 from hovercontrol.base.boundary import checked
 from hovercontrol.craft.hardware.actuators.signals import DEGREE
 from hovercontrol.craft.hardware.actuators.tables import FanTable, Floats, ServoTable
@@ -121,7 +121,7 @@ def forward_thrust(speed: ArrayLike, rudder: ArrayLike = 0.0) -> Floats:
     >>> forward_thrust([5_000.0, 10_000.0]).tolist()
     [0.3375, 1.35]
     """
-    n, angle = together("forward_thrust", speed=speed, rudder=rudder)
+    n, angle = broadcastable("forward_thrust", speed=speed, rudder=rudder)
     return np.asarray(THRUST_AT_10000 * (n / 1e4) ** 2 * np.cos(angle * DEGREE))
 
 
@@ -171,7 +171,7 @@ def fan_force(speed: ArrayLike, rudder: ArrayLike = 0.0) -> Floats:
     >>> fan_force([10_000.0, -10_000.0]).round(3).tolist()
     [1.35, -0.581]
     """
-    n, angle = together("fan_force", speed=speed, rudder=rudder)
+    n, angle = broadcastable("fan_force", speed=speed, rudder=rudder)
     return np.where(n < 0, -reverse_ratio(n), 1.0) * forward_thrust(n, angle)
 
 

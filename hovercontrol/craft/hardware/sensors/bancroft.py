@@ -14,7 +14,7 @@ import numpy as np
 import sympy as sp
 from numpy.typing import ArrayLike, NDArray
 
-from hovercontrol.base.arguments import together
+from hovercontrol.base.arguments import broadcastable
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError
 from hovercontrol.blocks.block import Block
@@ -346,7 +346,7 @@ def locate(
         before = np.asarray(previous, dtype=float)
         if not 0 < before.ndim <= rho.ndim or before.shape[0] != 2:
             raise InputError(f"locate: previous: expected x and y, found shape {before.shape}")
-        together("locate", ranges=rho[0], previous=before[0])
+        broadcastable("locate", ranges=rho[0], previous=before[0])
         spread = before.reshape(2, *(1,) * (rho.ndim - before.ndim), *before.shape[1:])
         before = np.broadcast_to(spread, (2, *rho.shape[1:]))
         known = np.isfinite(before).all(axis=0, keepdims=True)

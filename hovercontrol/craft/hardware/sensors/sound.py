@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hovercontrol.base.arguments import together
+from hovercontrol.base.arguments import broadcastable
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError
 
@@ -62,7 +62,7 @@ def speed_of_sound(
     >>> round(float(cold), 1), round(float(2700 * (1 - cold / warm)), 1)
     (344.0, 4.9)
     """
-    t, h, p, c = together(
+    t, h, p, c = broadcastable(
         "speed_of_sound",
         temperature=temperature,
         humidity=humidity,

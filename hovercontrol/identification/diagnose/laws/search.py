@@ -29,7 +29,7 @@ from dataclasses import replace
 
 from hovercontrol.craft.effects.law import FILTERED, MemoryLaw, is_law, law_text
 from hovercontrol.identification.diagnose.criteria import CRITERIA, Criteria
-from hovercontrol.identification.diagnose.evidence.of_effects import Evidence
+from hovercontrol.identification.diagnose.evidence.effect_evidence import Evidence
 from hovercontrol.identification.diagnose.evidence.remainder import remainders
 from hovercontrol.identification.diagnose.evidence.sensors import only_noise
 from hovercontrol.identification.diagnose.evidence.whiteness import random_remainder

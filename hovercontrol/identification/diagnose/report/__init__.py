@@ -14,9 +14,9 @@ from hovercontrol.identification.diagnose.report.context import collect
 from hovercontrol.identification.diagnose.report.equations import coefficients, equations
 from hovercontrol.identification.diagnose.report.evidence_section import evidence, holdout
 from hovercontrol.identification.diagnose.report.free_run_section import free_runs
-from hovercontrol.identification.diagnose.report.others import others
 from hovercontrol.identification.diagnose.report.page import page
 from hovercontrol.identification.diagnose.report.remainder_section import remainder
+from hovercontrol.identification.diagnose.report.rivals_section import rivals_section
 from hovercontrol.identification.diagnose.report.verdict import (
     gap_sentence,
     headline,
@@ -63,7 +63,7 @@ def write_report(diagnosis: Diagnosis, path: str | Path, *, command: str = "") -
     with threadpool_limits(1, "blas"):  # as in diagnose
         m = collect(diagnosis, command)
         sections = [
-            verdict(m), equations(m), evidence(m), holdout(m), free_runs(m), remainder(m), others(m),
+            verdict(m), equations(m), evidence(m), holdout(m), free_runs(m), remainder(m), rivals_section(m),
             coefficients(m), appendix(m),
         ]  # fmt: skip
     text = page(headline(diagnosis), sections)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hovercontrol.base.percent import percent
-from hovercontrol.identification.diagnose.evidence.of_effects import Evidence
+from hovercontrol.identification.diagnose.evidence.effect_evidence import Evidence
 from hovercontrol.identification.diagnose.report import pictures
 from hovercontrol.identification.diagnose.report.context import Context, numbers_by_effect
 from hovercontrol.identification.diagnose.report.formatting import effect_words, rounded, unit

@@ -96,7 +96,7 @@ def catalogue(model: Subject, names: Sequence[str] | None = None) -> list[type[E
     return [cls for cls in new if not (shifted and cls.shifts_time)]
 
 
-def beyond(model: Subject, names: Sequence[str] | None = None) -> list[str]:
+def effects_outside_catalogue(model: Subject, names: Sequence[str] | None = None) -> list[str]:
     """Return the effects outside the catalogue that a model may lack, without those in `names`."""
     have = {*(e.name for e in model.effects), *(names or ())}
     known = (effect_class(n) for n in effect_names() if n not in have)

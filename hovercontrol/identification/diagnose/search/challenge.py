@@ -9,7 +9,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from hovercontrol.identification.diagnose.evidence.holdout import Blockwise
-from hovercontrol.identification.diagnose.search.candidates import beyond, candidates
+from hovercontrol.identification.diagnose.search.candidates import candidates, effects_outside_catalogue
 from hovercontrol.identification.diagnose.search.confirm import (
     Confirmed,
     Rival,
@@ -19,7 +19,7 @@ from hovercontrol.identification.diagnose.search.confirm import (
 )
 from hovercontrol.identification.diagnose.search.fit import TRIALS, Search, Tried, try_effect, with_times
 from hovercontrol.identification.diagnose.search.leads import ASKED_FOR, Lead
-from hovercontrol.identification.diagnose.search.rules import among, brings_nothing, noted
+from hovercontrol.identification.diagnose.search.rules import candidate_count, is_redundant, passes_all_tests
 from hovercontrol.identification.diagnose.search.score import Scored, Scores
 from hovercontrol.identification.diagnose.search.sets import singles
 from hovercontrol.identification.diagnose.search.trace import Decision
@@ -73,7 +73,7 @@ def challenged(search: Search, selection: Selection) -> Selection:
         if cheaper and swaps < ROUNDS:
             name, t = cheaper[0]
             effects[effects.index(name)], final = t.name, t.fit
-            counts[t.name] = among(search, t, [now.own[name]], selection.candidates)
+            counts[t.name] = candidate_count(search, t, [now.own[name]], selection.candidates)
             continue
         mistaken = _all_mistaken(search, now)
         sure = next((m for m in mistaken if m.gained > criteria.apart and m.t > criteria.apart_t), None)
@@ -83,7 +83,7 @@ def challenged(search: Search, selection: Selection) -> Selection:
         dropped += [lead_of(now.own[n], reason) for n in sure.names]
         effects, final = [sure.other, *(n for n in effects if n not in sure.names)], sure.fit
         counts[sure.other] = selection.candidates
-    asked_for = [n for n in effects if n in beyond(base.model, search.names)]
+    asked_for = [n for n in effects if n in effects_outside_catalogue(base.model, search.names)]
     if asked_for:  # the others were judged with it in the model
         dropped[:0] = [lead_of(now.own[n], ASKED_FOR) for n in asked_for]
         effects = [n for n in effects if n not in asked_for]
@@ -123,10 +123,12 @@ def _rivals(
                 rivals.append(Rival(s.candidate.name, name, 0.0, 0.0, mine.fit, True))
                 continue
             t = search.once(less, s.effect, s)
-            if t is None or not noted(search, t, among(search, t, [mine], selection.candidates)):
+            if t is None or not passes_all_tests(
+                search, t, candidate_count(search, t, [mine], selection.candidates)
+            ):
                 continue
             t = alike(search, t, mine)
-            if _only_imitates(t, mine, criteria.chance) or brings_nothing(t, mine, criteria):
+            if _only_imitates(t, mine, criteria.chance) or is_redundant(t, mine, criteria):
                 continue
             behind, score = _cost(search, t.fit) - _cost(search, mine.fit), surely(t.fit, mine.fit)
             near = behind < criteria.apart or score < criteria.apart_t
@@ -186,7 +188,7 @@ def _all_mistaken(search: Search, now: Confirmed) -> list[Mistaken]:
     found = [
         m
         for name in now.own
-        for other in beyond(now.final.model, search.names)
+        for other in effects_outside_catalogue(now.final.model, search.names)
         for m in _mistaken(search, now, name, other)
         if m.gained > 0.0
     ]

@@ -9,7 +9,7 @@ from hovercontrol.base.short_repr import short_repr
 from hovercontrol.identification.diagnose.evidence.blocks import Blocks
 from hovercontrol.identification.diagnose.search.fit import Search, Tried, beside
 from hovercontrol.identification.diagnose.search.leads import Lead
-from hovercontrol.identification.diagnose.search.rules import noted, why_not
+from hovercontrol.identification.diagnose.search.rules import passes_all_tests, why_not
 from hovercontrol.identification.engine.fit import Fit
 
 
@@ -130,7 +130,7 @@ def confirmed(
             for n in effects
         }
         own = {n: beside(final, without[n], n) for n in effects}
-        unneeded = [n for n in effects if not noted(search, own[n], among[n])]
+        unneeded = [n for n in effects if not passes_all_tests(search, own[n], among[n])]
         if not unneeded:
             return Confirmed(final, own, without, tuple(dropped))
         least = min(unneeded, key=lambda n: own[n].gain)

@@ -194,7 +194,7 @@ def _added(
         return None
 
 
-def begun_again(search: Search, current: Fit, t: Tried) -> Tried:
+def restarted_fit(search: Search, current: Fit, t: Tried) -> Tried:
     """Return a fit, or a likelier one that starts at the given coefficients.
 
     Without the effect, the coefficients may have moved far to compensate for it, and may not return: where
@@ -214,7 +214,7 @@ def begun_again(search: Search, current: Fit, t: Tried) -> Tried:
     return with_times(search, again)
 
 
-def at_likeliest_time(search: Search, current: Fit, t: Tried) -> Tried:
+def retimed_fit(search: Search, current: Fit, t: Tried) -> Tried:
     """Return a fit whose effect begins at its likeliest time.
 
     The score chose the time under the noise of the model without the effect, not under that of this fit.
@@ -227,7 +227,7 @@ def at_likeliest_time(search: Search, current: Fit, t: Tried) -> Tried:
     return t
 
 
-def without_it(search: Search, current: Fit, t: Tried) -> Fit | None:
+def reduced_fit(search: Search, current: Fit, t: Tried) -> Fit | None:
     """Return the model without an effect, fitted from the end of the fit with it, if most of the gain stays.
 
     Then the effect only led to a likelier optimum of the model without it. The fit is made only if the size

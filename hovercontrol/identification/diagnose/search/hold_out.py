@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from hovercontrol.identification.diagnose.criteria import CRITERIA, Criteria
+from hovercontrol.identification.diagnose.evidence.effect_evidence import Evidence
 from hovercontrol.identification.diagnose.evidence.holdout import Gained, Horizons, ahead, gained, held_fit
-from hovercontrol.identification.diagnose.evidence.of_effects import Evidence
 from hovercontrol.identification.diagnose.evidence.sensors import only_noise
 from hovercontrol.identification.diagnose.search.confirm import Rival, Selection
 from hovercontrol.identification.diagnose.search.fit import Tried

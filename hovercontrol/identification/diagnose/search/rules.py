@@ -117,14 +117,14 @@ def tests_of(
     return rows
 
 
-def noted(search: Search, t: Tried, looked_at: int) -> bool:
+def passes_all_tests(search: Search, t: Tried, looked_at: int) -> bool:
     """Return whether an effect passes all tests, each of which becomes a row of the trace."""
     rows = [row for row, _ in tested(t, looked_at, search.criteria)]
     search.trace.extend(rows)
     return all(row.passed for row in rows)
 
 
-def among(search: Search, t: Tried, known: Iterable[Tried], looked_at: int) -> int:
+def candidate_count(search: Search, t: Tried, known: Iterable[Tried], looked_at: int) -> int:
     """Return the number of candidates among which an effect is chosen.
 
     Once a drag along an axis passes all tests, something is known to be missing there. Another drag along
@@ -135,6 +135,6 @@ def among(search: Search, t: Tried, known: Iterable[Tried], looked_at: int) -> i
     return sum(cls.axis == t.effect.axis for cls in catalogue(search.model, search.names))
 
 
-def brings_nothing(t: Tried, simpler: Tried, criteria: Criteria) -> bool:
+def is_redundant(t: Tried, simpler: Tried, criteria: Criteria) -> bool:
     """Whether an effect of many numbers contains a simpler one that leaves only noise."""
     return t.effect.flexible and t.effect.becomes(simpler.effect) and only_noise(simpler.fit, criteria)

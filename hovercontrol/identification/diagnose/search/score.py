@@ -214,7 +214,7 @@ class Scores:
         return sorted(found.values(), key=lambda s: -float(f"{s.gain:.9g}"))  # ties in the catalogue's order
 
 
-def at_its_time(fit: Fit, scored: Scored) -> Scored:
+def likeliest_onset(fit: Fit, scored: Scored) -> Scored:
     """Return a candidate with the time of its jump, or its delay, at the value of the highest score."""
     trial = scored.candidate.trial
     if trial.moment():

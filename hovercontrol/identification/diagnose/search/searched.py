@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from hovercontrol.identification.diagnose.criteria import CRITERIA, Criteria
-from hovercontrol.identification.diagnose.evidence.of_effects import Evidence
+from hovercontrol.identification.diagnose.evidence.effect_evidence import Evidence
 from hovercontrol.identification.diagnose.evidence.sensors import only_noise
 from hovercontrol.identification.diagnose.search.fit import Made
 from hovercontrol.identification.diagnose.search.hold_out import HeldOut, held_out

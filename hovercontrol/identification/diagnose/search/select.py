@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from hovercontrol.craft.effects import Effect
 from hovercontrol.identification.diagnose.criteria import CRITERIA, Criteria
 from hovercontrol.identification.diagnose.evidence.sensors import only_noise
-from hovercontrol.identification.diagnose.search.candidates import beyond, candidates
+from hovercontrol.identification.diagnose.search.candidates import candidates, effects_outside_catalogue
 from hovercontrol.identification.diagnose.search.challenge import challenged
 from hovercontrol.identification.diagnose.search.confirm import Selection
 from hovercontrol.identification.diagnose.search.fit import (
@@ -22,16 +22,21 @@ from hovercontrol.identification.diagnose.search.fit import (
     Made,
     Search,
     Tried,
-    at_likeliest_time,
-    begun_again,
+    reduced_fit,
+    restarted_fit,
+    retimed_fit,
     try_effect,
     with_times,
-    without_it,
 )
 from hovercontrol.identification.diagnose.search.leads import ASKED_FOR, leads
-from hovercontrol.identification.diagnose.search.rules import among, brings_nothing, noted, passes
-from hovercontrol.identification.diagnose.search.score import Scored, Scores, at_its_time
-from hovercontrol.identification.diagnose.search.sets import singles, together
+from hovercontrol.identification.diagnose.search.rules import (
+    candidate_count,
+    is_redundant,
+    passes,
+    passes_all_tests,
+)
+from hovercontrol.identification.diagnose.search.score import Scored, Scores, likeliest_onset
+from hovercontrol.identification.diagnose.search.sets import best_set, singles
 from hovercontrol.identification.diagnose.search.trace import Decision
 from hovercontrol.identification.engine.fit import Fit
 from hovercontrol.identification.engine.subject import Subject
@@ -44,7 +49,7 @@ class Added:
     earlier: tuple[Tried, ...]
     before: Fit
     last: Tried
-    among: int = 0
+    candidate_count: int = 0
 
 
 def select(
@@ -97,8 +102,8 @@ def select(
             break
         steps += [(t.name, t.gain) for t in best.earlier]
         counts |= {t.name: len(seen) for t in best.earlier} | {best.last.name: best.among}
-        t = at_likeliest_time(search, best.before, begun_again(search, best.before, best.last))
-        better = without_it(search, best.before, t)
+        t = retimed_fit(search, best.before, restarted_fit(search, best.before, best.last))
+        better = reduced_fit(search, best.before, t)
         if better is None:
             steps.append((t.name, t.gain))
         elif best.before is base:
@@ -111,7 +116,7 @@ def select(
     if steps:
         selection = challenged(search, selection)
     if not only_noise(current, criteria):
-        others = Scores(current, candidates(current, beyond(current.model, names))).best()
+        others = Scores(current, candidates(current, effects_outside_catalogue(current.model, names))).best()
         rows = (Decision("score", s.candidate.name, ASKED_FOR, s.gain, passed=False) for s in others)
         search.trace.extend(rows)
         seen = sorted([*seen, *others], key=lambda s: -s.gain)
@@ -152,7 +157,7 @@ def _fitted(search: Search, current: Fit, scores: Scores, most: int) -> list[Add
     if not any(passes(a.last, looked_at, criteria) for a in found):
         found += _hidden(search, current, scores, found)
     passed = any(passes(a.last, looked_at, criteria) for a in found)
-    several = together(scores, alone, criteria, most) if best and not passed else None
+    several = best_set(scores, alone, criteria, most) if best and not passed else None
     added = _added_in_turn(search, current, several.members) if several else None
     return [*found, *([added] if added else [])]
 
@@ -198,7 +203,7 @@ def _added_in_turn(search: Search, current: Fit, members: Sequence[Scored]) -> A
     earlier: list[Tried] = []
     before = current
     for k, s in enumerate(members):
-        e = at_its_time(before, s) if k == 0 else s
+        e = likeliest_onset(before, s) if k == 0 else s
         t = search.once(before, e.effect, e) if k == 0 else try_effect(search, before, e.effect)
         if t is None:
             return None
@@ -217,9 +222,9 @@ def _likeliest(search: Search, found: Sequence[Added], looked_at: int) -> Added 
     """
     criteria, penalised = search.criteria, search.criteria.penalised
     known = [a.last for a in found if passes(a.last, looked_at, criteria)]
-    found = [replace(a, among=among(search, a.last, known, looked_at)) for a in found]
-    good = [a for a in found if noted(search, a.last, a.among)]
-    good = [a for a in good if not any(brings_nothing(a.last, o.last, criteria) for o in good)]
+    found = [replace(a, among=candidate_count(search, a.last, known, looked_at)) for a in found]
+    good = [a for a in found if passes_all_tests(search, a.last, a.among)]
+    good = [a for a in good if not any(is_redundant(a.last, o.last, criteria) for o in good)]
     if not good:
         return None
     least = min(penalised(a.last.fit) for a in good)

@@ -57,7 +57,7 @@ def singles(scores: Scores) -> list[CandidateSet]:
     return sorted(best.values(), key=lambda one: -float(f"{one.gain:.6g}"))  # ties in the catalogue's order
 
 
-def together(
+def best_set(
     scores: Scores, alone: list[CandidateSet], criteria: Criteria, most: int = 3
 ) -> CandidateSet | None:
     """Return the best set of two or more effects; None if it gains no more than the best one needs alone.

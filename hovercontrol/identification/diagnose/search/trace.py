@@ -48,7 +48,7 @@ class Decision:
         return dict(vars(self))
 
 
-def about(trace: Iterable[Decision], effect: str) -> list[Decision]:
+def decisions_about(trace: Iterable[Decision], effect: str) -> list[Decision]:
     """Return the decisions about one effect, in their order.
 
     Parameters
@@ -59,7 +59,7 @@ def about(trace: Iterable[Decision], effect: str) -> list[Decision]:
     Examples
     --------
     >>> rows = [Decision("score", "slope", ""), Decision("score", "wind", ""), Decision("fit", "slope", "")]
-    >>> [row.step for row in about(rows, "slope")]
+    >>> [row.step for row in decisions_about(rows, "slope")]
     ['score', 'fit']
     """
     return [row for row in trace if row.effect == effect]

@@ -12,7 +12,7 @@ from hovercontrol.blocks.signals import Signal
 from hovercontrol.craft.models.vehicles import HOVERDEMON_BODY
 
 
-def about(loop: Flown) -> dict[str, Any]:
+def loop_description(loop: Flown) -> dict[str, Any]:
     """Return the constant data of a loop: craft, laws, disturbances, with units and bounds."""
     return {
         "craft": loop.model.name,

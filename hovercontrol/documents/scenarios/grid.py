@@ -36,7 +36,7 @@ PART = "runs"
 
 
 @dataclass(frozen=True, eq=False)
-class Varied:
+class GridResult:
     """The figures of many runs of a scenario or a machine.
 
     Attributes
@@ -115,7 +115,7 @@ def vary(
     *,
     progress: Callable[[float], None] | None = None,
     checkpoint: str | Path | None = None,
-) -> Varied:
+) -> GridResult:
     """Run a scenario at every point of a grid, compiled and on all cores.
 
     Parameters
@@ -148,7 +148,7 @@ def vary(
 
     where = scenario.file or scenario.name
     outputs = {s.name: s.unit for s in loop.outputs}
-    return varied(scenario.name, scenario.title, where, outputs, known_of(loop), ranges, of, figure, runs)
+    return run_grid(scenario.name, scenario.title, where, outputs, known_of(loop), ranges, of, figure, runs)
 
 
 @checked
@@ -161,7 +161,7 @@ def vary_machine(
     commands: Log | None = None,
     progress: Callable[[float], None] | None = None,
     checkpoint: str | Path | None = None,
-) -> Varied:
+) -> GridResult:
     """Drive a Block as ``hovercontrol simulate`` does, at every point of a grid.
 
     Parameters
@@ -202,7 +202,7 @@ def vary_machine(
 
     title = f"{block.name}: {'steps of its commands' if commands is None else f'commands of {commands.name}'}"
     outputs = {s.name: s.unit for s in block.outputs}
-    return varied(block.name, title, block.name, outputs, known_of(block), ranges, of, figure, runs)
+    return run_grid(block.name, title, block.name, outputs, known_of(block), ranges, of, figure, runs)
 
 
 class Variable(Protocol):
@@ -222,7 +222,7 @@ def known_of(block: Block) -> dict[str, Variable]:
     return {**parameters, **{s.name: s for s in block.states}}
 
 
-def varied(
+def run_grid(
     name: str,
     title: str,
     where: str,
@@ -232,7 +232,7 @@ def varied(
     of: str,
     figure: str,
     runs: Callable[[Mapping[str, Array]], SweepResult],
-) -> Varied:
+) -> GridResult:
     """Return what runs at every point of a grid give, by what is asked about.
 
     Parameters
@@ -264,7 +264,7 @@ def varied(
     grid = np.meshgrid(*(axis.values for axis in axes), indexing="ij")
     result = runs({axis.name: values.ravel() for axis, values in zip(axes, grid, strict=True)})
     unit = "s" if figure == "settling" else outputs[of]
-    return Varied(name, title, axes, of, figure, unit, result)
+    return GridResult(name, title, axes, of, figure, unit, result)
 
 
 def swept_phases(

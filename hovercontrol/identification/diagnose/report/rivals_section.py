@@ -11,7 +11,7 @@ from hovercontrol.identification.diagnose.report.formatting import effect_words,
 from hovercontrol.identification.diagnose.report.templates import Table, render, table
 
 
-def others(m: Context) -> str:
+def rivals_section(m: Context) -> str:
     """Return the section on rivals, leads and the next experiment."""
     rivals, leads, advice = _rivals(m), _leads(m), _next(m)
     trace = _trace(m)
