@@ -5,7 +5,7 @@ Files are read in pieces, so that memory use stays near the size of the columns 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import replace
 from pathlib import Path
 
@@ -155,14 +155,11 @@ def _read_source(
     units = {**wanted.outputs, **wanted.inputs}
     names = _our_names(str(file), source.header, renamed)
     stated = with_angles(source.units, source.angles, names, units)
-    own = {
-        ours: f"-{stated.get(theirs, '')}" if unit == "-" else unit for ours, (theirs, unit) in said.items()
-    }
-    conversions = {o: conversion_to_si(o, unit, units.get(o, "")) for o, unit in own.items() if unit}
+    conversions = _conversions(said, stated, units)
     conversions |= conversions_of_file(str(file), stated, names, conversions, units)
     if trial and trial not in names:
         raise ArgumentError(f"{file}: no column {trial!r} to tell trials by{did_you_mean(trial, names)}")
-    needed = dict.fromkeys(("time", *wanted.inputs, *(usecols or ()), *([trial] if trial else [])), "")
+    needed = dict.fromkeys(filter(None, ("time", *wanted.inputs, *(usecols or ()), trial)), "")
     replace(wanted, inputs=needed).check(str(file), list(names))
     if usecols is not None:
         names = {ours: theirs for ours, theirs in names.items() if ours in needed}
@@ -174,36 +171,65 @@ def _read_source(
     data = _gather(str(file), source, names)
     if not data["time"].size:
         raise InputError(f"{file}: expected samples below the header, found no rows")
-    for ours in data.keys() - {"time"} if missing else ():
-        data[ours][np.isin(data[ours], missing)] = np.nan
-    for ours, (factor, offset) in conversions.items():
-        if ours in data:
-            data[ours] *= factor
-            data[ours] += offset
-    for ours in (name for name in names if name in checked):
-        if ours == "time":
-            check_finite(str(file), source, names[ours], data[ours])
-            continue
-        check_codes(str(file), source, names[ours], data[ours], any_number=ours in measured)
-        check_size(str(file), source, names[ours], data[ours])
+    _convert(data, conversions, missing)
+    own = {k: v for k, v in names.items() if k in checked}
+    _check_values(str(file), source, own, data, measured)
     firsts = trial_rows(data["time"], data.get(trial))
     copies = copied_rows(data)
     check_time(str(file), source, names["time"], data["time"], firsts, copies)
+    left_out: list[str] = []
     if copies.size:
+        left_out = [f"{file}: {copies.size:,} copies of the row before: left out"]
         firsts = firsts - np.searchsorted(copies, firsts)
         data = {name: np.delete(column, copies) for name, column in data.items()}
     if "psi" in data:
         check_heading(str(file), names["psi"], data["time"], data["psi"], data.get("r"))
-    origin = source.stamps.origin if isinstance(source, Derived) and source.stamps else None
-    log = replace(_log(file.name, data, firsts, trial), origin=origin or 0)
-    notes = [f"{file}: read with {source.said}"] if source.said else []
+    log = _log(file.name, data, firsts, trial)
     known = {*conversions, *(ours for ours, theirs in names.items() if theirs in stated)}
-    if isinstance(source, Derived) and source.stamps:
-        known.add("time")
-    notes += unit_hints(str(file), {k: names[k] for k in names if k in checked}, known, units)
-    notes += [f"{file}: {text}" for text in (source.remarks if isinstance(source, Derived) else ())]
-    notes += [f"{file}: {copies.size:,} copies of the row before: left out"] if copies.size else []
-    return replace(log, notes=(*notes, *log.notes))
+    remarks: Sequence[str] = ()
+    if isinstance(source, Derived):
+        remarks = source.remarks
+        if source.stamps:
+            known.add("time")
+            log = replace(log, origin=source.stamps.origin or 0)
+    notes = [f"{file}: read with {source.said}"] if source.said else []
+    notes += unit_hints(str(file), own, known, units)
+    notes += [f"{file}: {text}" for text in remarks]
+    return replace(log, notes=(*notes, *left_out, *log.notes))
+
+
+def _conversions(
+    said: Mapping[str, tuple[str, str]], stated: Mapping[str, str], units: Mapping[str, str]
+) -> dict[str, tuple[float, float]]:
+    """Return factor and offset to SI of the columns whose unit the caller says; - turns the file's around."""
+    own = {
+        ours: f"-{stated.get(theirs, '')}" if unit == "-" else unit for ours, (theirs, unit) in said.items()
+    }
+    return {o: conversion_to_si(o, unit, units.get(o, "")) for o, unit in own.items() if unit}
+
+
+def _convert(
+    data: dict[str, Floats], conversions: Mapping[str, tuple[float, float]], missing: Sequence[float]
+) -> None:
+    """Replace the numbers that stand for a missing value, then convert columns to SI."""
+    for ours in data.keys() - {"time"} if missing else ():
+        data[ours][np.isin(data[ours], missing)] = np.nan
+    for ours in conversions.keys() & data.keys():
+        factor, offset = conversions[ours]
+        data[ours] *= factor
+        data[ours] += offset
+
+
+def _check_values(
+    file: str, source: Source, names: Mapping[str, str], data: Mapping[str, Floats], measured: Set[str]
+) -> None:
+    """Raise if a column's values cannot be of its signal: codes in a measured one, or numbers too large."""
+    for ours, theirs in names.items():
+        if ours == "time":
+            check_finite(file, source, theirs, data[ours])
+            continue
+        check_codes(file, source, theirs, data[ours], any_number=ours in measured)
+        check_size(file, source, theirs, data[ours])
 
 
 def copied_rows(data: Mapping[str, Floats]) -> NDArray[np.intp]:

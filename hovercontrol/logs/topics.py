@@ -64,24 +64,28 @@ def join_tables(
     missing = [name for name in inputs if name not in named]
     if missing:
         raise InputError(f"{file.file}: no column {missing[0]!r} (--columns {missing[0]}=TOPIC/FIELD)")
-    logs = {}
+    logs = []
     for name, own in by_table.items():
-        clock = {"time": tables[name].clock} if tables[name].clock else {}
-        if clocks and _table(file, "time", clocks["time"]) is tables[name]:
-            clock = clocks
-        if not clock and clocked:
-            why = f" ({tables[name].said})" if tables[name].said else ""
-            raise InputError(
-                f"{file.file}: {name}: no column of time is known{why}: --columns time=NAME; rows at a known "
-                "period: --period SECONDS"
-            )
-        logs[name] = read(
-            tables[name], {**clock, **own}, {k: v for k, v in inputs.items() if k in own}, usecols=list(own)
-        )
+        clock = _clock(file, tables[name], clocks, needed=clocked)
+        needed = {k: v for k, v in inputs.items() if k in own}
+        logs.append(read(tables[name], {**clock, **own}, needed, usecols=list(own)))
     commands = set(inputs) or {k for k in named if k not in measured}
     if not set(named) - commands:
         commands = set()
-    return _joined(file.file.name, list(logs.values()), commands)
+    return _joined(file.file.name, logs, commands)
+
+
+def _clock(file: Tables, table: Table, clocks: dict[str, str], *, needed: bool) -> dict[str, str]:
+    """Return the column of time of a table: the one that the user names, else its own."""
+    if clocks and _table(file, "time", clocks["time"]) is table:
+        return clocks
+    if not table.clock and needed:
+        why = f" ({table.said})" if table.said else ""
+        raise InputError(
+            f"{file.file}: {table.name}: no column of time is known{why}: --columns time=NAME; rows at a "
+            "known period: --period SECONDS"
+        )
+    return {"time": table.clock} if table.clock else {}
 
 
 def _named(file: Tables, said: str) -> str:

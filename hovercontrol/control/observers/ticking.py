@@ -6,7 +6,7 @@ be used in parameter sweeps.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import sympy as sp
@@ -133,7 +133,7 @@ def _after(
     memory: Memory,
     noise: Sequence[Signal],
     drift: Sequence[Signal],
-    before: Mapping[sp.Symbol, Signal],
+    before: dict[sp.Symbol, Signal],
     step: Signal,
     names: _Named,
 ) -> tuple[dict[str, sp.Expr], dict[str, sp.Expr]]:

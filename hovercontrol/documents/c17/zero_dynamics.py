@@ -174,7 +174,7 @@ def arm_region(
         "bounded": bounded,
         "theorem": theory.bounded,
     }
-    drawn = {
+    drawn: dict[str, Any] = {
         "lines": {"a dx = J/m: B of (21) has no inverse": _singular_line(x, y, inertia / mass)},
         "marks": {"C17 simulation": (0.14, 0.2)},
     }

@@ -7,7 +7,7 @@ With v the inputs as they are given, x the FMU's states and y its outputs::
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import sympy as sp
@@ -78,17 +78,9 @@ def joined(given: Given, before: Block | None, after: Block | None, added: Mappi
     sources: dict[str, tuple[str, Variable]] = {}
     driven = _driven(given, before) if before else {}
     if before:
-        names = {n: f"given_{k}" for k, n in enumerate(driven)}
-        for s in before.inputs:
-            if s.name not in driven:
-                if s.name in before.delays:
-                    raise InputError(
-                        f"block {before.name!r}: {s.name} arrives late but has no output {s.name}_given"
-                    )
-                sources[s.name] = (f"source_{len(sources)}", given.variable(s.name, "before", "input"))
-        names |= {n: sources[n][0] for n in sources}
-        outputs = {o: f"driven_{k}" for k, o in enumerate(driven.values())}
-        parts.append(_part(before, names, outputs))
+        sources = _sources(given, before, driven)
+        names = {n: f"given_{k}" for k, n in enumerate(driven)} | {n: sources[n][0] for n in sources}
+        parts.append(_part(before, names, _numbered("driven", driven.values())))
     n_early = len(sources)
     passed = dict(sources)
 
@@ -100,20 +92,16 @@ def joined(given: Given, before: Block | None, after: Block | None, added: Mappi
 
     measured = _measured(given, after) if after else {}
     if after:
-        outputs = {o: f"measured_{k}" for k, o in enumerate(measured.values())}
-        parts.append(_part(after, source_names(after, "after"), outputs))
+        parts.append(_part(after, source_names(after, "after"), _numbered("measured", measured.values())))
     places = _places(given, added)
     if added:
-        parts.append(
-            _sums(
-                [
-                    _part(b, source_names(b, "added"), {b.outputs[0].name: f"added_{k}"})
-                    for k, b in enumerate(added.values())
-                ]
-            )
-        )
-    order = [f"driven_{k}" for k in range(len(driven))] + [f"measured_{k}" for k in range(len(measured))]
-    order += [f"added_{k}" for k in range(len(places))]
+        sums = [
+            _part(b, source_names(b, "added"), {b.outputs[0].name: f"added_{k}"})
+            for k, b in enumerate(added.values())
+        ]
+        parts.append(_sums(sums))
+    counts = {"driven": len(driven), "measured": len(measured), "added": len(places)}
+    order = [f"{kind}_{k}" for kind, count in counts.items() for k in range(count)]
     if not order:
         raise InputError(f"{given.path}: no Block around it changes an input, an output or a derivative")
     block = interconnect(parts, "around", outputs=order).in_continuous_time
@@ -126,6 +114,23 @@ def joined(given: Given, before: Block | None, after: Block | None, added: Mappi
         tuple(given.by_name[n] for n in measured),
         tuple(places),
     )
+
+
+def _numbered(kind: str, names: Iterable[str]) -> dict[str, str]:
+    """Return names of the joined Block for others, in their order."""
+    return {name: f"{kind}_{k}" for k, name in enumerate(names)}
+
+
+def _sources(given: Given, before: Block, driven: Mapping[str, str]) -> dict[str, tuple[str, Variable]]:
+    """Return the inputs of the Block before the FMU that drive nothing, with the FMU's variable."""
+    found: dict[str, tuple[str, Variable]] = {}
+    for s in before.inputs:
+        if s.name in driven:
+            continue
+        if s.name in before.delays:
+            raise InputError(f"block {before.name!r}: {s.name} arrives late but has no output {s.name}_given")
+        found[s.name] = (f"source_{len(found)}", given.variable(s.name, "before", "input"))
+    return found
 
 
 def _with_inputs(block: Block, names: list[str]) -> Block:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from hovercontrol.blocks.backends.c import c_source
 from hovercontrol.blocks.backends.c_delays import delays_source
@@ -49,48 +49,33 @@ def table_source(
     given: Given, joined: Joined, described: Description, token: str, start: Mapping[str, float]
 ) -> str:
     """Return ``around.c``: what hc_around.h calls hc_surroundings."""
-    block = joined.block
-    moving = block.states[: block.n_continuous]
-    fixed = {s for e in block.delays.values() for s in e.free_symbols}
-    given_starts = [float(v.typed.get("start", "0")) for v in joined.driven]
-    starts = [*(s.start for s in block.states), *given_starts, *(p.start for p in block.parameters)]
-    counts = (joined.driven, joined.sources, joined.measured, joined.added)
-    n_driven, n_sources, n_measured, n_added = map(len, counts)
     inner = [n for n in start if given.by_name[n] not in joined.driven]
     arrays = [v for v in given.variables if v.is_real and v.size != 1]
     late = list(joined.late_sources)
-    sources = block.inputs[len(joined.driven) :]
-    derivatives = given.derivatives()
-    partials = int(differentiable(given, joined))
     lists = {
+        **_of_block(joined, late),
         "driven": ("unsigned", [str(v.reference) for v in joined.driven]),
         "source": ("unsigned", [str(v.reference) for v in joined.sources]),
         "measured": ("unsigned", [str(r) for r in described.measured]),
-        "added_state": ("int", [str(k) for k in joined.added]),
-        "added": ("unsigned", [str(derivatives[k][1].reference) for k in joined.added]),
-        "start": ("double", [_number(x) for x in starts]),
-        "lower": ("double", [_number(p.lower) for p in block.parameters]),
-        "upper": ("double", [_number(p.upper) for p in block.parameters]),
-        "nominal": ("double", [_number(s.nominal) for s in moving]),
-        "fixed": ("char", [str(int(p.symbol in fixed)) for p in block.parameters]),
-        "names": ("char *const", [f'"{p.name}"' for p in block.parameters]),
+        "added": ("unsigned", [str(given.derivatives()[k][1].reference) for k in joined.added]),
         "set": ("unsigned", [str(given.by_name[n].reference) for n in inner]),
         "set_value": ("double", [_number(start[n]) for n in inner]),
         "array": ("unsigned", [str(v.reference) for v in arrays]),
         "array_size": ("unsigned", [str(v.size) for v in arrays]),
         "source_known": ("char", [str(int(k)) for k in known_sources(given, joined)]),
-        "late_source": ("int", [str(k) for k in late]),
-        "late_start": ("double", [_number(sources[k].start) for k in late]),
-    }  # fmt: skip
+    }
     made = {name: _array(kind, name, values) for name, (kind, values) in lists.items()}
     at = {name: where for name, (_, where) in made.items()}
+    counts = [len(group) for group in (joined.driven, joined.sources, joined.measured, joined.added)]
+    n_driven, n_sources, n_measured, n_added = counts
+    partials = int(differentiable(given, joined))
     steps = given.part.get("canHandleVariableCommunicationStepSize") in ("true", "1")
     entries = [
         f'"{described.identifier}", "{token}"',
         f'"{given.identifier}", "{_escaped(given.token)}"',
         f"{n_driven}, {joined.n_early}, {n_sources}, {n_measured}, {n_added}",
         ", ".join(at[n] for n in ("driven", "source", "measured", "added_state", "added")),
-        f"{described.first}, {len(derivatives)}, {given.indicators}",
+        f"{described.first}, {len(given.derivatives())}, {given.indicators}",
         ", ".join(at[n] for n in ("start", "lower", "upper", "nominal", "fixed", "names")),
         f"{len(inner)}, {at['set']}, {at['set_value']}",
         f"{len(arrays)}, {at['array']}, {at['array_size']}",
@@ -107,6 +92,26 @@ def table_source(
         + ",\n    ".join(entries)
         + "};\n"
     )
+
+
+def _of_block(joined: Joined, late: Sequence[int]) -> dict[str, tuple[str, list[str]]]:
+    """Return the joined Block's lists: C type and entries by name."""
+    block = joined.block
+    fixed = {s for e in block.delays.values() for s in e.free_symbols}
+    given_starts = [float(v.typed.get("start", "0")) for v in joined.driven]
+    starts = [*(s.start for s in block.states), *given_starts, *(p.start for p in block.parameters)]
+    sources = block.inputs[len(joined.driven) :]
+    return {
+        "added_state": ("int", [str(k) for k in joined.added]),
+        "start": ("double", [_number(x) for x in starts]),
+        "lower": ("double", [_number(p.lower) for p in block.parameters]),
+        "upper": ("double", [_number(p.upper) for p in block.parameters]),
+        "nominal": ("double", [_number(s.nominal) for s in block.states[: block.n_continuous]]),
+        "fixed": ("char", [str(int(p.symbol in fixed)) for p in block.parameters]),
+        "names": ("char *const", [f'"{p.name}"' for p in block.parameters]),
+        "late_source": ("int", [str(k) for k in late]),
+        "late_start": ("double", [_number(sources[k].start) for k in late]),
+    }
 
 
 def _late_seconds(joined: Joined) -> str:

@@ -14,6 +14,12 @@ from hovercontrol.fmi.corrected.joined import Joined
 #: References of the knowns of an unknown; None: it may depend on all.
 Knowns = frozenset[int] | None
 
+#: Elements of outputs, derivatives and initial unknowns, by version of FMI.
+TAGS = {
+    2: ("Outputs/Unknown", "Derivatives/Unknown", "InitialUnknowns/Unknown"),
+    3: ("Output", "ContinuousStateDerivative", "InitialUnknown"),
+}
+
 
 class KnownsOf:
     """What unknowns depend on at the same instant."""
@@ -118,11 +124,7 @@ def write_structure(
             numbers = sorted({listed[r] for r in of} if two else of)
             u.set("dependencies", " ".join(map(str, numbers)))
 
-    tags = (
-        ("Outputs/Unknown", "Derivatives/Unknown", "InitialUnknowns/Unknown")
-        if two
-        else ("Output", "ContinuousStateDerivative", "InitialUnknown")
-    )
+    tags = TAGS[given.version]
     measured = {v.reference: k for k, v in enumerate(joined.measured)}
     for u in structure.findall(tags[0]):
         r = knowns.reference(u)
@@ -135,21 +137,17 @@ def write_structure(
         write(u, knowns.reference(u), _union([knowns.inner(knowns.listed(u)), *added.get(place, [])]))
     for u in structure.findall(tags[2]):
         write(u, knowns.reference(u), None)
-    if not two:
-        for u in structure.findall("EventIndicator"):
-            write(u, knowns.reference(u), knowns.inner(knowns.listed(u)))
+    for u in structure.findall("EventIndicator"):  # of FMI 3
+        write(u, knowns.reference(u), knowns.inner(knowns.listed(u)))
     parts = {tag: copy.copy(structure.findall(tag)) for tag in tags}
-    slopes = [first + n + k for k in range(moving)]
-    of_slopes = [knowns.expression(block.derivatives[s.name]) for s in block.states[:moving]]
-    rows = (
-        [(tags[1], r, of) for r, of in zip(slopes, of_slopes, strict=True)]
-        if given.exchange is not None
-        else []
-    )
-    initial = [*slopes] if given.exchange is not None else []
-    rows += [(tags[2], r, None) for r in (*initial, *renamed.values())]
-    for tag, r, of in rows:
-        write(_appended(structure, tag, parts), r, of)
+    slopes: dict[int, Knowns] = {}
+    if given.exchange is not None:
+        own = [block.derivatives[s.name] for s in block.states[:moving]]
+        slopes = {first + n + k: knowns.expression(e) for k, e in enumerate(own)}
+    for r, of in slopes.items():
+        write(_appended(structure, tags[1], parts), r, of)
+    for r in (*slopes, *renamed.values()):
+        write(_appended(structure, tags[2], parts), r, None)
 
 
 def _appended(structure: Element, tag: str, parts: dict[str, list[Element]]) -> Element:

@@ -157,25 +157,7 @@ def _interface(
     tolerance = _positive(experiment.tolerance) if experiment else None
     step = (_positive(experiment.stepSize) if experiment else None) or internal
     step = step or min((clock.interval for clock in clocks), default=None)
-    chosen: dict[str, list[Variable]] = {"input": [], "output": [], "parameter": []}
-    left_out: list[str] = []
-    elements = 0
-    for variable in described.modelVariables:
-        if variable.causality not in chosen or getattr(variable, "alias", None) is not None:
-            continue
-        if variable.type == "Clock" and variable.valueReference in {clock.reference for clock in clocks}:
-            continue
-        if reason := _unusable(variable, clocks):
-            if variable.causality != "parameter":  # parameters that are no numbers keep their start values
-                left_out.append(f"{variable.causality} {variable.name!r} ({reason})")
-            continue
-        elements += math.prod(variable.shape or ())
-        if elements > MOST_ELEMENTS:
-            raise InputError(f"{where} has more than {MOST_ELEMENTS} signals and parameters")
-        chosen[variable.causality].append(_variable(variable, fmi, where, own, bool(sizes)))
-    inputs, outputs, parameters = (tuple(chosen[key]) for key in ("input", "output", "parameter"))
-    for variables in (inputs, outputs, parameters):
-        _distinct(variables, where)
+    (inputs, outputs, parameters), left_out = _signals(described, fmi, where, own, clocks, bool(sizes))
     return Interface(
         fmi=fmi,
         identifier=part.modelIdentifier,
@@ -191,7 +173,7 @@ def _interface(
         feedthrough=_feedthrough(described, inputs, outputs),
         has_states=part.canGetAndSetFMUstate,
         once_per_process=part.canBeInstantiatedOnlyOncePerProcess,
-        left_out=tuple(left_out),
+        left_out=left_out,
         kind=kind,
         states=states,
         derivatives=derivatives,
@@ -201,6 +183,31 @@ def _interface(
         clocks=clocks,
         sizes=sizes,
     )
+
+
+def _signals(
+    described: Any, fmi: int, where: str, own: Elements, clocks: Sequence[Clock], resized: bool
+) -> tuple[list[tuple[Variable, ...]], tuple[str, ...]]:
+    """Return inputs, outputs and parameters, and why inputs and outputs are left out."""
+    chosen: dict[str, list[Variable]] = {"input": [], "output": [], "parameter": []}
+    left_out: list[str] = []
+    elements, ticking = 0, {clock.reference for clock in clocks}
+    for variable in described.modelVariables:
+        if variable.causality not in chosen or getattr(variable, "alias", None) is not None:
+            continue
+        if variable.type == "Clock" and variable.valueReference in ticking:
+            continue
+        if reason := _unusable(variable, clocks):
+            if variable.causality != "parameter":  # parameters that are no numbers keep their start values
+                left_out.append(f"{variable.causality} {variable.name!r} ({reason})")
+            continue
+        elements += math.prod(variable.shape or ())
+        if elements > MOST_ELEMENTS:
+            raise InputError(f"{where} has more than {MOST_ELEMENTS} signals and parameters")
+        chosen[variable.causality].append(_variable(variable, fmi, where, own, resized))
+    for variables in chosen.values():
+        _distinct(variables, where)
+    return [tuple(variables) for variables in chosen.values()], tuple(left_out)
 
 
 def _states(
@@ -232,16 +239,7 @@ def _variable(variable: Any, fmi: int, where: str, own: Elements, resized: bool)
     shape = variable.shape or ()
     indices = itertools.product(*(range(1, n + 1) for n in shape))
     labels = [variable.name + (f"[{','.join(map(str, index))}]" if index else "") for index in indices]
-    words = {"true": 1.0, "false": 0.0}
-    start = [float(words.get(word, word)) for word in (variable.start or "").split()]
-    if len(start) == 1:
-        start *= len(labels)  # one value stands for all elements
-    if (start or variable.causality == "parameter") and len(start) != len(labels):
-        if not resized:
-            raise InputError(
-                f"{where}: {variable.name!r} has {len(labels)} elements and {len(start)} start values"
-            )
-        start = [math.nan] * len(labels) if variable.causality == "parameter" else []
+    start = _start(variable, len(labels), where, resized)
     unit = variable.unit or (variable.declaredType.unit if variable.declaredType else None) or ""
     texts = [(label, unit, variable.description or "") for label in labels]
     told = own.get(variable.name, [])
@@ -261,6 +259,21 @@ def _variable(variable: Any, fmi: int, where: str, own: Elements, resized: bool)
         tuple(clock.valueReference for clock in variable.clocks or ()),
         tuple(shape),
     )
+
+
+def _start(variable: Any, elements: int, where: str, resized: bool) -> list[float]:
+    """Return the start value of each element; one value stands for all of them."""
+    words = {"true": 1.0, "false": 0.0}
+    start = [float(words.get(word, word)) for word in (variable.start or "").split()]
+    if len(start) == 1:
+        start *= elements
+    if (start or variable.causality == "parameter") and len(start) != elements:
+        if not resized:
+            raise InputError(
+                f"{where}: {variable.name!r} has {elements} elements and {len(start)} start values"
+            )
+        start = [math.nan] * elements if variable.causality == "parameter" else []
+    return start
 
 
 def _own_elements(root: ElementTree.Element) -> Elements:

@@ -181,6 +181,18 @@ def arrange(
     for w in (np.flatnonzero(follows) - 1).tolist():
         i, t, rows = grids[w]
         grids[w] = i, np.append(t, grids[w + 1][1][0]), np.append(rows, -1)
+    times, places, values, guess = _filled(grids, logs, states, channels)
+    owner = np.array([i for i, _, _ in grids], dtype=np.intp)
+    return Rows(times, values, guess, owner, of, number_of, follows, from_log, places, tuple(channels))
+
+
+def _filled(
+    grids: Sequence[tuple[int, Array, Indices]],
+    logs: Sequence[Measured],
+    states: Sequence[Mapping[str, Array]],
+    channels: Sequence[str],
+) -> tuple[Array, Indices, Array, dict[str, Array]]:
+    """Return times, rows of the logs, measured values and guessed states, filled to one length."""
     K, W = max(t.size for _, t, _ in grids), len(grids)
     times, places = np.empty((K, W)), np.full((K, W), -1, dtype=np.intp)
     values = np.full((K, W, len(channels)), np.nan)
@@ -198,8 +210,7 @@ def arrange(
         for name in names:
             guess[name][:n, w] = np.interp(t, log.time, states[i][name])
             guess[name][n:, w] = guess[name][n - 1, w]
-    owner = np.array([i for i, _, _ in grids], dtype=np.intp)
-    return Rows(times, values, guess, owner, of, number_of, follows, from_log, places, tuple(channels))
+    return times, places, values, guess
 
 
 def _pieces(log: Measured, tempo: float) -> list[tuple[int, int]]:

@@ -6,6 +6,7 @@ import csv
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 from hovercontrol.base.errors import InputError
 
@@ -227,50 +228,73 @@ def _is_plain(lines: Sequence[str]) -> bool:
 
 def _with(dialect: Dialect, lines: Sequence[str]) -> Dialect | None:
     """Return the completed dialect if, with its separator, a header is followed by rows of numbers."""
-    rows: list[tuple[int, bool, list[str]]] = []
-    for k, line in enumerate(lines[:1000]):
-        comment = is_comment(line)
-        try:
-            cells = [c.strip() for c in dialect.cells(line.strip().lstrip("#%/") if comment else line)]
-        except csv.Error:
-            return None
-        if any(cells):
-            rows.append((k, comment, cells))
-    for at, (header, comment, names) in enumerate(rows):
-        below = [row for row in rows[at + 1 : at + 60] if not row[1]]
+    try:
+        rows = _rows(dialect, lines[:1000])
+    except csv.Error:
+        return None
+    for at, header in enumerate(rows):
+        below = [row for row in rows[at + 1 : at + 60] if not row.comment]
+        names = header.cells
         if not is_header(names, least=2 if dialect.separator != "," else 1) or not below:
             continue
-        units = units_below(names, below[0][2])
-        data = below[1:] if units else below
-        if not data:
+        units = units_below(names, below[0].cells)
+        data = [row.cells for row in (below[1:] if units else below)]
+        if not data or not _fits_header(names, data, dialect.separator):
             continue
-        width = len(data[0][2])
-        trailing = width == len(names) + 1 and not data[0][2][-1]
-        if comment and any(
-            len(cells) == width and is_header(cells) for _, c, cells in rows[at + 1 :] if not c
+        if header.comment and any(
+            len(row.cells) == len(data[0]) and is_header(row.cells)
+            for row in rows[at + 1 :]
+            if not row.comment
         ):
             continue  # a header that is no comment follows
-        alike = sum(len(row[2]) == width for row in data)
-        if (width != len(names) and not trailing) or 2 * alike < len(data):
-            continue
-        if not all(_is_data(row[2], dialect.separator) for row in data[:3]):
-            continue
-        cells = [cell for row in data for cell in row[2]]
-        comma = any(_COMMA.fullmatch(c) for c in cells) and not any(
-            "." in c and _POINT.fullmatch(c) for c in cells
-        )
-        first = data[0][0]
+        first = below[1 if units else 0].line
         return replace(
             dialect,
-            decimal="," if comma else ".",
-            header=header,
+            decimal="," if _has_decimal_comma(data) else ".",
+            header=header.line,
             first=first,
-            names=(*names, "") if trailing else tuple(names),
+            names=(*names, *[""] * (len(data[0]) - len(names))),
             units=units,
             comments=any(is_comment(text) for text in lines[first:]),
-            angles="deg" if any(_IN_DEGREES.match(text) for text in lines[:header]) else "rad",
+            angles="deg" if any(_IN_DEGREES.match(text) for text in lines[: header.line]) else "rad",
         )
     return None
+
+
+class _Row(NamedTuple):
+    """A line that is not empty: its number, whether it is a comment, and its cells."""
+
+    line: int
+    comment: bool
+    cells: list[str]
+
+
+def _rows(dialect: Dialect, lines: Sequence[str]) -> list[_Row]:
+    rows = []
+    for k, line in enumerate(lines):
+        comment = is_comment(line)
+        text = line.strip().lstrip("#%/") if comment else line
+        rows.append(_Row(k, comment, [cell.strip() for cell in dialect.cells(text)]))
+    return [row for row in rows if any(row.cells)]
+
+
+def _fits_header(names: Sequence[str], data: Sequence[list[str]], separator: str) -> bool:
+    """Return whether rows are data below names: as wide, or by one empty cell wider."""
+    width = len(data[0])
+    trailing = width == len(names) + 1 and not data[0][-1]
+    alike = sum(len(cells) == width for cells in data)
+    if (width != len(names) and not trailing) or 2 * alike < len(data):
+        return False
+    return all(_is_data(cells, separator) for cells in data[:3])
+
+
+def _has_decimal_comma(data: Sequence[list[str]]) -> bool:
+    point = any("." in cell and _POINT.fullmatch(cell) for row in data for cell in row)
+    return _has_comma(data) and not point
+
+
+def _has_comma(data: Sequence[list[str]]) -> bool:
+    return any(_COMMA.fullmatch(cell) for row in data for cell in row)
 
 
 def _headless(dialect: Dialect, lines: Sequence[str]) -> Dialect | None:
@@ -289,11 +313,10 @@ def _headless(dialect: Dialect, lines: Sequence[str]) -> Dialect | None:
         return None
     if any(cells[0] == [str(k + first) for k in range(width)] for first in (0, 1)):
         return None
-    comma = any(_COMMA.fullmatch(cell) for row in alike for cell in row)
     first, filled = rows[0][0], width - (width > 1 and not any(row[-1] for row in alike))
     return replace(
         dialect,
-        decimal="," if comma else ".",
+        decimal="," if _has_comma(alike) else ".",
         header=first,
         first=first,
         names=tuple(str(k + 1) if k < filled else "" for k in range(width)),

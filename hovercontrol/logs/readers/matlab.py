@@ -6,7 +6,7 @@ versions.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -33,20 +33,7 @@ def matlab(file: Path) -> Tables:
     InputError
         If mat-io is missing and needed, or the file is damaged or contains no vector.
     """
-    with file.open("rb") as stream:
-        head = stream.read(520)
-    hdf = b"\x89HDF\r\n" in (head[:6], head[512:518])  # with a header of 512 bytes or without
-    newest = hdf or head.startswith(b"MATLAB 7.3")
-    if newest:
-        library(file, "h5py", "MATLAB files of version 7.3", "logs-all")
-    found = {} if newest else _by_scipy(file)
-    opaque = any(type(value).__name__ == "MatlabOpaque" for value in found.values())
-    if newest or opaque:
-        what = "MATLAB files of version 7.3" if newest else "timetables and tables of MATLAB"
-        module = library(file, "matio", what, "logs-all", package="mat-io")
-        with faults(file, "MATLAB file"):
-            found = module.load_from_mat(str(file), add_table_attrs=True)
-    variables = {name: value for name, value in found.items() if not name.startswith("__")}
+    variables = {name: value for name, value in _variables(file).items() if not name.startswith("__")}
     units: dict[str, str] = {}
     with faults(file, "MATLAB file"):
         vectors = {
@@ -72,6 +59,24 @@ def matlab(file: Path) -> Tables:
     ]
     short = {name.partition(".")[2]: name for name in vectors} if len(variables) == 1 else {}
     return Tables(file, tables, {own: name for own, name in short.items() if own})
+
+
+def _variables(file: Path) -> Mapping[str, Any]:
+    """Return a file's variables: by SciPy, or by mat-io those of version 7.3, tables and timetables."""
+    with file.open("rb") as stream:
+        head = stream.read(520)
+    hdf = b"\x89HDF\r\n" in (head[:6], head[512:518])  # with a header of 512 bytes or without
+    newest = hdf or head.startswith(b"MATLAB 7.3")
+    if newest:
+        library(file, "h5py", "MATLAB files of version 7.3", "logs-all")
+    found: Mapping[str, Any] = {} if newest else _by_scipy(file)
+    opaque = any(type(value).__name__ == "MatlabOpaque" for value in found.values())
+    if newest or opaque:
+        what = "MATLAB files of version 7.3" if newest else "timetables and tables of MATLAB"
+        module = library(file, "matio", what, "logs-all", package="mat-io")
+        with faults(file, "MATLAB file"):
+            found = module.load_from_mat(str(file), add_table_attrs=True)
+    return found
 
 
 def _by_scipy(file: Path) -> dict[str, Any]:

@@ -49,7 +49,7 @@ class Added:
     earlier: tuple[Tried, ...]
     before: Fit
     last: Tried
-    candidate_count: int = 0
+    among: int = 0
 
 
 def select(
