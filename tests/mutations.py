@@ -18,7 +18,15 @@ PROJECT = Path(__file__).parents[1]
 COPIED = ("hovercontrol", "fmu", "tests", "analyses", "docs", "benchmarks")
 #: Seconds for the tests of one fault: some faults let a loop go on for ever.
 LONGEST = 900.0
-FILES = ("pyproject.toml", "README.md", "CONTRIBUTING.md", "ARCHITECTURE.md", "Makefile", "LICENSE")
+FILES = (
+    "pyproject.toml",
+    "README.md",
+    "CONTRIBUTING.md",
+    "ERRANDS.md",
+    "ARCHITECTURE.md",
+    "Makefile",
+    "LICENSE",
+)
 
 
 @dataclass(frozen=True)

@@ -36,6 +36,13 @@ def test_every_folder_and_link_it_names_is_there():
         assert anchor in {title.lower().replace(" ", "-") for title in titles}
 
 
+def test_each_errand_is_done_with_three_files_that_are_there():
+    errands = (PROJECT / "ERRANDS.md").read_text(encoding="utf-8").split("\n## ")[1:]
+    opened = [re.findall(r"^\d\. (?:`|.*\]\()([\w/.]+)", errand, flags=re.MULTILINE) for errand in errands]
+    assert len(opened) == 6 and all(1 <= len(files) <= 3 for files in opened)
+    assert not [name for files in opened for name in files if not (PROJECT / name).is_file()]
+
+
 #: Most lines of a function without its docstring, and most decisions in it.
 LINES, DECISIONS = 80, 20
 DECIDING = (
@@ -71,4 +78,4 @@ def too_long(path):
 
 def test_a_function_has_fewer_than_80_lines_and_at_most_20_decisions():
     found = {name for path in sorted((PROJECT / "hovercontrol").rglob("*.py")) for name in too_long(path)}
-    assert found == COLLECTING | IN_ONE_PIECE
+    assert not found - COLLECTING - IN_ONE_PIECE
