@@ -92,7 +92,7 @@ def sweep(
         ranges[key] = values
     if not ranges:
         raise InputError("sweep: expected one or two --vary KEY=FROM:TO:POINTS")
-    name, run = _what(
+    name, run = _scenario_or_machine(
         options.run_of("sweep", scenario, model),
         options.commands_of("sweep", commands, columns, period),
         params,
@@ -126,7 +126,9 @@ def sweep(
     return 1 if failures else 0
 
 
-def _what(scenario: str, log: Log | None, params: Path | None) -> tuple[str, Callable[..., GridResult]]:
+def _scenario_or_machine(
+    scenario: str, log: Log | None, params: Path | None
+) -> tuple[str, Callable[..., GridResult]]:
     """Return the name of what is run, and a function that runs it over ranges."""
     from hovercontrol.blocks.block import Block
     from hovercontrol.craft.models.model import Model

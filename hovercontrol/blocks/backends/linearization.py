@@ -40,7 +40,7 @@ def linearize(
     >>> round(float(ahead.A[5, 5]), 3)
     -0.48
     """
-    point = given_point(block, at, u, params, t)
+    point = operating_point(block, at, u, params, t)
     if friction == "smooth" and amplitude is None and not block.ticks:
         return block.to_control().linearize(point.x, point.u, t=point.t, params=point.params)
     if block.delays:
@@ -71,7 +71,7 @@ def matrices_at(
     --------
     >>> from hovercontrol.craft.models.vehicles import vehicle
     >>> craft = vehicle("c17_simulation").plant()
-    >>> (A, *_), period = matrices_at(craft, given_point(craft, {"u": 1.0}), "none")
+    >>> (A, *_), period = matrices_at(craft, operating_point(craft, {"u": 1.0}), "none")
     >>> A.shape, period
     ((6, 6), 0.0)
     """
@@ -83,7 +83,7 @@ def matrices_at(
     return linear_matrices(block, point, friction, amplitude), block.period
 
 
-def given_point(
+def operating_point(
     block: Block,
     at: Any,
     u: ArrayLike | Mapping[str, float] | None = None,
@@ -100,7 +100,7 @@ def given_point(
     Examples
     --------
     >>> from hovercontrol.craft.models.vehicles import vehicle
-    >>> given_point(vehicle("c17_simulation").plant(), {"u": 1.0, "thrust": 1.8}).u
+    >>> operating_point(vehicle("c17_simulation").plant(), {"u": 1.0, "thrust": 1.8}).u
     array([1.8, 0. ])
     """
     import control

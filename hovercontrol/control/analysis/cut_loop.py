@@ -13,7 +13,7 @@ from hovercontrol.base.errors import InputError, check_known, did_you_mean
 from hovercontrol.blocks.backends.friction_slopes import Point as At
 from hovercontrol.blocks.backends.friction_slopes import Slope
 from hovercontrol.blocks.backends.linear import state_space
-from hovercontrol.blocks.backends.linearization import given_point, matrices_at
+from hovercontrol.blocks.backends.linearization import matrices_at, operating_point
 from hovercontrol.blocks.backends.trim import Trim
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.expressions import Expressions
@@ -137,7 +137,7 @@ class CutLoop:
             if signal.name not in known:
                 raise _open(self._closed.name, signal.name)
         given: Any = {} if at is None else at
-        point = given_point(self._closed, given, None, params, time)
+        point = operating_point(self._closed, given, None, params, time)
         return self._at(point, friction, amplitude, warn=True)
 
     def along(

@@ -179,6 +179,7 @@ class _Modes:
         """Return A, B, C of the open loop less the modes that are not moved or not seen, and these modes."""
         if not len(self.matrix):
             return (self.A, B, C), []
+        # b = (W' V)^-1 W' B, c = C V
         across = np.linalg.inv(self.W.T @ self.V)
         b, c = across @ self.W.T @ B, C @ self.V
         least = COUPLED * float(np.linalg.norm(B) * np.linalg.norm(across, 2))

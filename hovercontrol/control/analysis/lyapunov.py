@@ -288,6 +288,7 @@ def _bounds() -> tuple[Callable[..., Any], Callable[..., Any]]:
 
 def _relative(M: Array, N: Array) -> tuple[Array, Array]:
     """Return the smallest and largest eigenvalue of M relative to N, symmetric and N definite."""
+    # N = L L': the eigenvalues of M x = lambda N x are those of L^-1 M L^-T
     root = np.linalg.inv(np.linalg.cholesky(N))
     values = np.asarray(np.linalg.eigvalsh(root @ M @ np.swapaxes(root, -1, -2)), dtype=float)
     return values[..., 0], values[..., -1]

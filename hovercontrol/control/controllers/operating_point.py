@@ -33,11 +33,11 @@ def point_of(plant: Block, trim: Trim | control.OperatingPoint | Mapping[str, fl
     >>> point_of(c17_simulation().plant(), {"u": 1.0, "thrust": 1.8}).u
     array([1.8, 0. ])
     """
-    from hovercontrol.blocks.backends.linearization import given_point  # python-control takes a second
+    from hovercontrol.blocks.backends.linearization import operating_point  # python-control takes a second
 
     plant.need_no_ticks("controller design")
     plant.need_prompt_inputs("a controller design")
-    return given_point(plant, trim)
+    return operating_point(plant, trim)
 
 
 def rates(plant: Block, point: Point) -> Array:

@@ -136,6 +136,7 @@ class MovingHorizon(control.optimal.OptimalEstimationProblem):
         return np.array(motion).T, noise
 
     def _stage_cost(self, x: Array, u: Array, v: Array, w: Array) -> float:
+        # v' Q^-1 v + w' R^-1 w
         return float(self._noise @ v**2 + self._accuracy @ self._seen(w) ** 2)
 
     def _seen(self, w: Array) -> Array:

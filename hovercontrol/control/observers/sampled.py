@@ -20,7 +20,7 @@ from hovercontrol.blocks.block import Block
 from hovercontrol.control.observers.diagonal import diagonal
 from hovercontrol.control.observers.regression import regression
 from hovercontrol.control.observers.regressors import Regressors
-from hovercontrol.control.observers.sampled_step import Plain, begun, corrected, predicted, rates
+from hovercontrol.control.observers.sampled_step import Plain, corrected, initialised, predicted, rates
 
 _PLAIN = Plain()
 
@@ -172,7 +172,7 @@ class SampledEstimator:
         elif self._expected:
             x, P = corrected(self._xi, self.covariance, own, self._Rd, _PLAIN)
         else:
-            x, P = begun(self._xi, self.covariance, own, self._Rd)
+            x, P = initialised(self._xi, self.covariance, own, self._Rd)
         self._xi, self.covariance, self._before = x, 0.5 * (P + P.T), y
         return self._xi[n:].copy()
 

@@ -101,7 +101,7 @@ def corrected(x: Values, P: Values, y: Values, R: Values, names: Names) -> tuple
     return x, P
 
 
-def begun(x: Values, P: Values, y: Values, R: Values) -> tuple[Values, Values]:
+def initialised(x: Values, P: Values, y: Values, R: Values) -> tuple[Values, Values]:
     """Return the values initialised from a first sample; arguments and result as for :func:`corrected`."""
     # x = y,  P_xx = diag R,  P_xc = 0; the coefficients and P_cc do not change.
     n = len(y)

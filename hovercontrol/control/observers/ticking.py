@@ -20,7 +20,7 @@ from hovercontrol.blocks.signals import Signal, suffixed, time
 from hovercontrol.control.observers.diagonal import diagonal, intensities
 from hovercontrol.control.observers.ins.kalman import Equations, Estimate, Memory, remember
 from hovercontrol.control.observers.regression import Regression, regression
-from hovercontrol.control.observers.sampled_step import Values, begun, corrected, predicted, rates
+from hovercontrol.control.observers.sampled_step import Values, corrected, initialised, predicted, rates
 
 
 @checked
@@ -145,7 +145,7 @@ def _after(
     after = predicted(x, P, *_ends(model, names, before, step.symbol), Q, step.symbol, names)
     new, fresh = (
         memory.next_values(Estimate(sp.Matrix(x), sp.Matrix(P)))
-        for x, P in (corrected(*after, sample, R, names), begun(x, P, sample, R))
+        for x, P in (corrected(*after, sample, R, names), initialised(x, P, sample, R))
     )
     return new, fresh
 

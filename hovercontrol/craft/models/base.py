@@ -209,12 +209,12 @@ def as_measured(signal: Signal) -> Signal:
     return signal.replace(name=signal.name + _MEASURED, description=f"{signal.description}, measured")
 
 
-def shown_by(outputs: Collection[str], channel: str) -> str:
+def output_for_channel(outputs: Collection[str], channel: str) -> str:
     """Return the output that corresponds to a channel of a log: the measured one where a sensor has an error.
 
     Examples
     --------
-    >>> shown_by(["u", "r", "r_measured"], "r"), shown_by(["u", "r", "r_measured"], "u")
+    >>> output_for_channel(["u", "r", "r_measured"], "r"), output_for_channel(["u", "r", "r_measured"], "u")
     ('r_measured', 'u')
     """
     measured = channel + _MEASURED

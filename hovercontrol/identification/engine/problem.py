@@ -19,7 +19,7 @@ from hovercontrol.base.arrays import Array
 from hovercontrol.blocks.backends.follow import follow
 from hovercontrol.blocks.backends.shoot import Columns, shoot, shoot_with_slopes
 from hovercontrol.blocks.block import Block
-from hovercontrol.craft.models.base import shown_by
+from hovercontrol.craft.models.base import output_for_channel
 from hovercontrol.identification.engine.data import Data
 from hovercontrol.identification.engine.inputs import Inputs
 from hovercontrol.identification.engine.steps import HELD, Counts, Steps
@@ -157,8 +157,8 @@ class Problem(Unknowns):
         self.driven_names = tuple(self.block.states[self.free[j]].name for j in self.driven)
         self._picked = [
             (names_.index(c), True)
-            if c in names_ and shown_by(outputs, c) == c
-            else (outputs.index(shown_by(outputs, c)), False)
+            if c in names_ and output_for_channel(outputs, c) == c
+            else (outputs.index(output_for_channel(outputs, c)), False)
             for c in self.rows.channels
         ]
         functions = self.block.to_numpy()

@@ -21,7 +21,7 @@ from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.signals import Signal
 from hovercontrol.control.observers.observed import owned
 from hovercontrol.craft.effects import Coefficient, Effect, Shape
-from hovercontrol.craft.models.base import shown_by
+from hovercontrol.craft.models.base import output_for_channel
 from hovercontrol.craft.models.blockmodel import BlockModel
 from hovercontrol.craft.models.model import Model
 
@@ -149,7 +149,7 @@ def _made(
         return [_of_coefficient(plant, one, measured, name)]
     channel = one.removesuffix("_bias")
     if one.endswith("_bias") and channel in measured:
-        unit = plant.signal(shown_by([s.name for s in plant.outputs], channel)).unit
+        unit = plant.signal(output_for_channel([s.name for s in plant.outputs], channel)).unit
         scale = _constant(f"scale_{one}", unit, 1.0)
         return [Candidate(one, unit, sp.S.Zero, 1.0, seen={channel: scale.symbol}, parameters=(scale,))]
     try:
@@ -318,7 +318,7 @@ def _bounds(number: Coefficient | None, scale: float) -> tuple[sp.Expr, sp.Expr]
 def _shown(block: Block, channel: str) -> sp.Expr:
     """Return the expression of a measured channel: an output, or a state."""
     values = {s.name: s.symbol for s in block.states} | dict(block.output_expressions)
-    return values[shown_by([s.name for s in block.outputs], channel)]
+    return values[output_for_channel([s.name for s in block.outputs], channel)]
 
 
 def _slope(e: sp.Expr, q: sp.Symbol, neutral: float) -> sp.Expr:

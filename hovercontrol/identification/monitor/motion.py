@@ -13,7 +13,7 @@ from hovercontrol.base.errors import InputError, shown
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.expressions import Expressions
 from hovercontrol.blocks.simulation.sampled import Ticking, simulate_runs
-from hovercontrol.craft.models.base import shown_by
+from hovercontrol.craft.models.base import output_for_channel
 from hovercontrol.identification.monitor.pace import paced
 from hovercontrol.logs.log import Log
 
@@ -106,7 +106,7 @@ def _simulated(plant: Block, measured: Sequence[str], period: float, name: str, 
     u = np.stack(columns, axis=1) if columns else np.zeros((K, 0))
     every = _ticked(plant, u) if plant.period else _integrated(plant, period, u)
     states = {s.name: every[s.name] for s in plant.states}
-    y = np.stack([every[shown_by(list(every), key)] for key in measured], axis=1)
+    y = np.stack([every[output_for_channel(list(every), key)] for key in measured], axis=1)
     if not np.isfinite(y).all():
         raise InputError(
             f"{name}: the model's motion under steps of its commands is not finite: give a log as motion, "

@@ -79,6 +79,7 @@ def _in_windows(design: Design, own: Array, columns: Array, C: Array, M: Array) 
     begun, Psi = np.zeros((W, J, n)), np.broadcast_to(np.eye(n), (W, n, n)).copy()
     eta = np.empty((K, W, J, m))
     for k in range(K):
+        # eta(tau) = eta - C Psi s(tau), then Psi <- M Psi (see bank.py)
         eta[k] = own[k] - begun @ (C[k] @ Psi).swapaxes(1, 2)
         Psi = M[k] @ Psi
         for w in reversed(range(W)):

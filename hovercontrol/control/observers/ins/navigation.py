@@ -135,13 +135,13 @@ def navigation_filter(
     quantities = (*QUANTITIES, *extra)
     symbols = sp.Matrix([*ESTIMATE, *(s.symbol for s in extra)])
     dt, elapsed, equations = clock(name, period)
-    memory = remembered(quantities, start, noise, extra_variances)
+    memory = stored_estimate(quantities, start, noise, extra_variances)
     units = [QUANTITIES[i].unit for i in (0, 1, 2, 5, 6, 7)]
     Q = variance_parameters("Q", units, added_variances(noise))
 
     # x+ = f(x, w), F = df/dx and G = df/dw at w = 0:  P+ = F P F^T + G diag(Q) G^T.
     w = sp.Matrix([sp.Dummy(real=True) for _ in Q])
-    moved = sp.Matrix([*moved_by(elapsed, w), *(s.symbol for s in extra)])
+    moved = sp.Matrix([*next_estimate(elapsed, w), *(s.symbol for s in extra)])
     calm = dict.fromkeys(w, 0)
     here = dict(zip(symbols, memory.estimate.x, strict=True))
     G = moved.jacobian(w).subs(calm).xreplace(here)
@@ -160,7 +160,7 @@ def navigation_filter(
     for aid in aids:
         new = _corrected(equations, new, aid, symbols, 1 if aid.shows_heading else excited)
 
-    told, values = told_of(new.x, extra)
+    told, values = outputs_of_estimate(new.x, extra)
     measured = dict.fromkeys(signal for aid in aids for signal in (aid.signal, aid.valid))
     return Block(
         name,
@@ -187,7 +187,7 @@ def navigation_filter(
     )
 
 
-def remembered(
+def stored_estimate(
     quantities: Sequence[Signal], start: Sequence[float], noise: InsNoise, extra: Sequence[float]
 ) -> Memory:
     """Return the stored estimate; it starts at psi, v_x, v_y, x, y of `start` and zero biases."""
@@ -200,7 +200,9 @@ def added_variances(noise: InsNoise) -> list[float]:
     return [noise.Q1[0], *noise.Q2[:2], noise.Q1[1], *noise.Q2[2:]]
 
 
-def told_of(x: sp.Matrix, extra: Sequence[Signal]) -> tuple[tuple[Signal, ...], dict[str, sp.Expr]]:
+def outputs_of_estimate(
+    x: sp.Matrix, extra: Sequence[Signal]
+) -> tuple[tuple[Signal, ...], dict[str, sp.Expr]]:
     """Return the outputs of an estimate, and their expressions."""
     extras = tuple(s.replace(name=f"{s.name}_hat", description=f"{s.description}, estimated") for s in extra)
     outputs = (
@@ -219,7 +221,7 @@ def told_of(x: sp.Matrix, extra: Sequence[Signal]) -> tuple[tuple[Signal, ...], 
     }
 
 
-def moved_by(elapsed: sp.Expr, w: sp.Matrix) -> sp.Matrix:
+def next_estimate(elapsed: sp.Expr, w: sp.Matrix) -> sp.Matrix:
     """Return the estimate one tick later by (3.42); w is the noise that K06's discrete model adds."""
     # psi+ = psi + dt/2 (r0 + r1 - 2 b_g) + w_psi,  f0 = B(psi) (f_0 - b_a),  f1 = B(psi+) (f_1 - b_a),
     # v+ = v + dt/2 (f0 + f1) + B(psi) w_v,  p+ = p + v dt + dt^2/6 (2 f0 + f1),  b+ = b + w_b.

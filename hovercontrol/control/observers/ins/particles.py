@@ -24,9 +24,9 @@ from hovercontrol.control.observers.ins.navigation import (
     QUANTITIES,
     Aid,
     added_variances,
-    moved_by,
-    remembered,
-    told_of,
+    next_estimate,
+    outputs_of_estimate,
+    stored_estimate,
 )
 from hovercontrol.control.observers.ins.noise import InsNoise, noise_from_sensors
 from hovercontrol.control.observers.ins.ranges import RangeAids, measured_ranges
@@ -186,9 +186,9 @@ def range_particles(
     x, y, psi = finite(f"{name}: pose", pose, 3)
     first = [psi, *finite(f"{name}: velocity", velocity, 2), x, y]
     quantities = (*QUANTITIES, *ranges.bias)
-    memory = remembered(quantities, first, noise, [range_bias**2] * len(ranges.bias))
+    memory = stored_estimate(quantities, first, noise, [range_bias**2] * len(ranges.bias))
     measured = dict.fromkeys(s for aid in ranges.aids for s in (aid.signal, aid.valid))
-    told, _ = told_of(sp.Matrix([*ESTIMATE, *(s.symbol for s in ranges.bias)]), ranges.bias)
+    told, _ = outputs_of_estimate(sp.Matrix([*ESTIMATE, *(s.symbol for s in ranges.bias)]), ranges.bias)
     return ParticleFilter(
         name,
         positive(f"{name}: period", period),
@@ -315,7 +315,7 @@ class RunningParticles:
         turned = np.angle(np.einsum("rp,rp->r", w, np.exp(1j * x[:, 0])))
         mean[0] = self._psi = self._psi + _wrapped(turned - self._psi)
         values = dict(innovation)
-        told = told_of(sp.Matrix(ESTIMATE), ())[0]
+        told = outputs_of_estimate(sp.Matrix(ESTIMATE), ())[0]
         imu = [given[s.name] for s in IMU]
         extras = [f"{s.name}_hat" for s in self._made.ranges.bias]
         values |= dict(zip([s.name for s in told], tell(list(mean[:8]), imu), strict=True))
@@ -340,8 +340,10 @@ def _functions(made: ParticleFilter) -> tuple[Callable[..., list[Array]], ...]:
     unit = sp.Symbol("range_unit", real=True)
     defined = {sp.Symbol(k, real=True): e for k, e in made.ranges.definitions.items()}
     expected = [sp.sympify(a.expected).xreplace(defined).xreplace(values) for a in made.ranges.aids]
-    _, told = told_of(sp.Matrix(ESTIMATE), ())
-    move = sp.lambdify([list(ESTIMATE), list(w), held, now, span], list(moved_by(span, w)), "numpy", cse=True)
+    _, told = outputs_of_estimate(sp.Matrix(ESTIMATE), ())
+    move = sp.lambdify(
+        [list(ESTIMATE), list(w), held, now, span], list(next_estimate(span, w)), "numpy", cse=True
+    )
     expect = sp.lambdify([x, unit], expected, "numpy", cse=True)
     tell = sp.lambdify([list(ESTIMATE), now], list(told.values()), "numpy", cse=True)
     return move, expect, tell

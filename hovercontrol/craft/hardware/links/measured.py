@@ -225,6 +225,8 @@ def _costs(samples: Array, x: Array, y: Array) -> Array:
         """Return the integral of steps from 0 to each candidate; inside a step it is linear in `over`."""
         return np.interp(over, grid, np.r_[0.0, np.cumsum(of * np.diff(grid))])
 
+    # of the steps s and the line l(x) = y0 + slope (x - x0): integral of (s - l)^2 = s^2 - 2 s l + l^2,
+    # the last of which is (x1 - x0) (y0^2 + y0 y1 + y1^2)/3
     grid = edges
     zeroth, square = integral(steps, x), integral(steps**2, x)
     grid = edges**2 / 2
@@ -240,6 +242,7 @@ def _costs(samples: Array, x: Array, y: Array) -> Array:
 
 def _moments(shares: Array, knots: Array) -> tuple[float, float]:
     """Return mean and standard deviation, exact for a piecewise linear quantile function."""
+    # between shares p0, p1 with knots a, b about the mean: integral of q^2 = (p1 - p0) (a^2 + a b + b^2)/3
     weights, low, high = np.diff(shares), knots[:-1], knots[1:]
     mean = float(weights @ (low + high) / 2)
     low, high = low - mean, high - mean

@@ -155,11 +155,13 @@ def refitted(
         off = y - A @ solved(A, y)
         scale = float(off.std()) or 1e-12
         lags = [float(off[:-k] @ off[k:] / (off @ off)) for k in range(1, min(60, off.size // 2))]
+        # correlation time in samples: 1 + 2 sum of r_k
         together = max(together, 1.0 + 2.0 * sum(itertools.takewhile(lambda r: r > 0.05, lags)))
         parts.append(A / scale)
         ys.append(y / scale)
     A, y = np.concatenate(parts), np.concatenate(ys)
     c = solved(A, y)
+    # covariance (A' A)^-1 of independent samples of unit variance, columns scaled to unit length
     size = np.maximum(np.linalg.norm(A, axis=0), 1e-300)
     B = A / size
     std = np.sqrt(np.diag(np.linalg.pinv(B.T @ B, rcond=1e-9)) * together) / size

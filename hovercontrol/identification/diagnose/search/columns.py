@@ -18,7 +18,7 @@ from hovercontrol.blocks.backends.follow import follow
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.functions import Function, array_function
 from hovercontrol.craft.effects import Effect
-from hovercontrol.craft.models.base import shown_by
+from hovercontrol.craft.models.base import output_for_channel
 from hovercontrol.identification.diagnose.search.candidates import Candidate
 from hovercontrol.identification.engine.fit import Fit
 from hovercontrol.identification.engine.inputs import Inputs
@@ -251,7 +251,10 @@ class Along:
         old = [s.name for s in problem.block.outputs]
         found = np.zeros(problem.rows.values.shape)
         for c, channel in enumerate(problem.rows.channels):
-            seen, was = new.index(shown_by(new, channel)), old.index(shown_by(old, channel))
+            seen, was = (
+                new.index(output_for_channel(new, channel)),
+                old.index(output_for_channel(old, channel)),
+            )
             found[..., c] = after[seen] - before[was]
         return np.where(problem.seen, found, 0.0)
 
