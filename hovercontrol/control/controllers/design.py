@@ -187,13 +187,13 @@ def design_of(
         needed = {k for row in rows for k in np.flatnonzero(row).tolist()}
         named = {names.index(s) for s in weighted} | needed
         kept = [k for k in closure(A, named) if k in named or k not in hidden]
-    _check_feedback(where, plant, kept, hidden, moving, rates)
     chosen = tuple(
         Measured(names.signal(k).replace(start=point.x[k]), is_angle(plant, plant.states[k])) for k in kept
     )
     commanded = tuple(
         plant.inputs[j].replace(start=_inside(where, plant.inputs[j], point.u[j])) for j in columns
     )
+    _check_feedback(where, plant, kept, hidden, moving, rates)
     sampled, every = plant.period > 0.0, [s.name for s in plant.states]
     A, B = eliminated(where, A, B[:, columns], kept, hidden, every, sampled=sampled)
     C_kept = np.array([row[kept] for row in rows]).reshape(len(rows), len(kept))
