@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hovercontrol.app.commands.given import pairs
 from scipy.spatial.transform import Rotation
 
 import hovercontrol as hc
+from hovercontrol.app.commands.options import pairs
 from hovercontrol.logs.frames import in_z_up
 from tests.logs.readers.written_ros import START, Bag
 

@@ -7,7 +7,7 @@ import pytest
 
 import hovercontrol as hc
 from hovercontrol.craft.effects import Shape, effect_class, effect_names
-from hovercontrol.craft.effects.generic import effects_outside_catalogue
+from hovercontrol.craft.effects.generic import generic_effects
 from hovercontrol.identification.diagnose import diagnose
 from hovercontrol.identification.diagnose.search import candidates as module
 from hovercontrol.identification.diagnose.search.base import base_fit
@@ -33,7 +33,7 @@ def staircase(speed, hold=2.0, step=0.02):
     return Log("stairs", t, {"voltage": voltage, "speed": speed(t, voltage)})
 
 
-EVERY = {n: effect_class(n) for n in effect_names()} | dict(effects_outside_catalogue(motor().block))
+EVERY = {n: effect_class(n) for n in effect_names()} | dict(generic_effects(motor().block))
 
 
 def within(e):
