@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import math
 import re
 import tomllib
@@ -57,6 +58,15 @@ def _hint(written: str, said: str) -> str:
     return ""
 
 
+def csv_rows(file: Path) -> list[tuple[int, list[str]]]:
+    """Return the rows of a CSV file that are not empty, with their numbers."""
+    try:
+        with file.open(newline="", encoding="utf-8-sig") as stream:
+            return [(k, row) for k, row in enumerate(csv.reader(stream), 1) if any(c.strip() for c in row)]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"{file}: not readable as CSV: {error}") from None
+
+
 def check_keys(kind: str, found: Mapping[str, Any], known: Iterable[str]) -> None:
     """Raise if a key is unknown; `kind` names the keys ("effect", "key in [plant]")."""
     names = list(known)
@@ -84,7 +94,7 @@ def number(where: str, value: Any) -> float:
 def finite(where: str, value: Any) -> float:
     """Return a number that must be finite."""
     if not math.isfinite(number(where, value)):
-        raise InputError(f"{where} must be a finite number, found {shown(value)}")
+        raise InputError(f"{where} must be finite, found {shown(value)}")
     return float(value)
 
 
@@ -92,6 +102,13 @@ def positive(where: str, value: Any) -> float:
     """Return a number that must be positive and finite."""
     if not 0 < number(where, value) < math.inf:
         raise InputError(f"{where} must be positive, found {shown(value)}")
+    return float(value)
+
+
+def not_negative(where: str, value: Any) -> float:
+    """Return a number that must be 0 or more, and finite."""
+    if not 0 <= number(where, value) < math.inf:
+        raise InputError(f"{where} must not be negative, found {shown(value)}")
     return float(value)
 
 

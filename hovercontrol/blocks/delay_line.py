@@ -10,7 +10,7 @@ import sympy as sp
 
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError
-from hovercontrol.base.tables import number, positive
+from hovercontrol.base.tables import not_negative, positive
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.signals import Signal
 
@@ -100,13 +100,6 @@ def _stages(name: str, delay: float, period: float) -> int:
             f"the nearest are {below:g} s and {above:g} s"
         )
     return int(ratio)
-
-
-def not_negative(where: str, value: float) -> float:
-    """Return a finite number of at least 0; else raise :class:`InputError`."""
-    if not 0 <= number(where, value) < math.inf:
-        raise InputError(f"{where} must not be negative, found {value!r}")
-    return float(value)
 
 
 def fixed(name: str, value: float, description: str) -> Signal:

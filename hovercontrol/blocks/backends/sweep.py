@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor, as_completed
@@ -19,6 +18,7 @@ from hovercontrol.base.errors import InputError, check_known, did_you_mean
 from hovercontrol.base.files import write_atomically
 from hovercontrol.base.pyplot import open_in_pyplot
 from hovercontrol.base.short_repr import cut, listed, short, short_repr
+from hovercontrol.base.tables import not_negative
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.signals import Signal
 from hovercontrol.blocks.simulation.arguments import own_states
@@ -278,8 +278,7 @@ def settling_bands(block: Block, band: float | Mapping[str, float]) -> Array:
     for name, value in (band if isinstance(band, Mapping) else dict.fromkeys(names, band)).items():
         if name not in bands:
             raise InputError(f"band: unknown output {name!r}{did_you_mean(name, names)}")
-        if not 0 <= value < math.inf:
-            raise InputError(f"band of {name!r} must not be negative, found {value!r}")
+        not_negative(f"band of {name!r}", value)
         bands[name] = float(value)
     return np.array(list(bands.values()))
 

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import sympy as sp
 
 from hovercontrol.base.errors import InputError
-from hovercontrol.base.tables import number, positive
+from hovercontrol.base.tables import not_negative, number, positive
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.signals import Signal, time
 from hovercontrol.craft.models.motion import MOTION
@@ -69,8 +69,7 @@ def bench_command(
     """
     if motion not in MOTIONS:
         raise InputError(f"{name}: motion must be one of {', '.join(MOTIONS)}, found {motion!r}")
-    if not 0 <= number(f"{name}: rest", rest) < math.inf:
-        raise InputError(f"{name}: rest must not be negative, found {rest!r}")
+    not_negative(f"{name}: rest", rest)
     mode = Signal("motion", "1", "of the platform", start=MOTIONS.index(motion), modes=MOTIONS)
     size = Signal("rate", "rad/s", "rate or its amplitude", start=number(f"{name}: rate", rate))
     spin = Signal(
@@ -141,8 +140,7 @@ def turntable(
     >>> told.round(4).tolist()  # x, y, psi, u, v, r, and the centripetal 0.3048 * 2**2
     [0.0, -0.3048, 0.0, 0.6096, 0.0, 2.0, 0.0, 1.2192]
     """
-    if not 0 <= number(f"{name}: arm", arm) < math.inf:
-        raise InputError(f"{name}: arm must not be negative, found {arm!r}")
+    not_negative(f"{name}: arm", arm)
     if not hasattr(centre, "__len__") or len(centre) != 2:
         raise InputError(f"{name}: centre must be two numbers, found {centre!r}")
     radius = Signal("arm", "m", "from the spin axis to the sensors", start=arm, lower=0.0)

@@ -5,8 +5,7 @@ from __future__ import annotations
 import sympy as sp
 
 from hovercontrol.base.boundary import checked
-from hovercontrol.base.errors import InputError
-from hovercontrol.base.tables import number, positive
+from hovercontrol.base.tables import not_negative, positive
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.signals import Signal
 from hovercontrol.control.controllers.k06.laws import SURGE_REF, YAW_RATE_REF
@@ -53,8 +52,7 @@ def command_filter(*, lag: float = 0.5, period: float = 0.0, name: str = "filter
     surge_desired' = (-surge_desired + surge_ref)/lag
     """
     tau = Signal("lag", "s", "time constant", start=positive(f"{name}: lag", lag), lower=1e-6)
-    if not number(f"{name}: period", period) >= 0.0:
-        raise InputError(f"{name}: period must not be negative, found {period!r}")
+    not_negative(f"{name}: period", period)
     speed, speed_slope, rate, rate_slope = (s.symbol for s in DESIRED)
     pairs = ((speed, speed_slope, SURGE_REF.symbol), (rate, rate_slope, YAW_RATE_REF.symbol))
     slopes = {str(slope): (told - now) / tau.symbol for now, slope, told in pairs}

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError
-from hovercontrol.base.tables import number, positive
+from hovercontrol.base.tables import not_negative, positive
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.signals import Signal
 from hovercontrol.control.controllers.k06.laws import SURGE_REF
@@ -102,8 +102,7 @@ def line_of_sight(
     }
     for key, signal in p.items():
         positive(f"{name}: {key}", signal.start)
-    if not 0.0 <= number(f"{name}: integral", integral) < math.inf:
-        raise InputError(f"{name}: integral must not be negative, found {integral!r}")
+    not_negative(f"{name}: integral", integral)
     positive(f"{name}: period", period)
     if integral:
         p["integral"] = Signal("integral", "m/s", "gain of the integral", start=integral)

@@ -16,8 +16,7 @@ from __future__ import annotations
 import sympy as sp
 
 from hovercontrol.base.boundary import checked
-from hovercontrol.base.errors import InputError
-from hovercontrol.base.tables import number, positive
+from hovercontrol.base.tables import not_negative, positive
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.signals import Signal
 from hovercontrol.control.controllers.k06.laws import SURGE_REF, YAW_RATE_REF
@@ -87,8 +86,7 @@ def weaving(
     >>> [s.name for s in weaving().outputs][:2]
     ['surge_desired', 'surge_acceleration_desired']
     """
-    if not number(f"{name}: period", period) >= 0.0:
-        raise InputError(f"{name}: period must not be negative, found {period!r}")
+    not_negative(f"{name}: period", period)
     p = {
         "lag": Signal("lag", "s", "time constant of the commands", start=lag, lower=1e-6),
         "ratio": Signal("ratio", "1", "modulation frequency over yaw rate", start=ratio),

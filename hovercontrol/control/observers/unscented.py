@@ -19,8 +19,9 @@ import sympy as sp
 
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError
+from hovercontrol.base.tables import not_negative
 from hovercontrol.blocks.block import Block
-from hovercontrol.blocks.delay_line import fixed, not_negative
+from hovercontrol.blocks.delay_line import fixed
 from hovercontrol.blocks.signals import time
 from hovercontrol.control.observers.filter_equations import (
     corrected,

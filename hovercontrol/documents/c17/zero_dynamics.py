@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from hovercontrol.base.arrays import Array
 from hovercontrol.base.boundary import checked
-from hovercontrol.base.errors import InputError
-from hovercontrol.base.tables import number, positive
+from hovercontrol.base.tables import finite, positive
 from hovercontrol.blocks.backends.sweep import SweepResult
 from hovercontrol.control.analysis.loops import c17_ellipse, on_reference, tracking_loop
 from hovercontrol.control.analysis.output import Progress, quiet, save
@@ -131,8 +130,7 @@ def arm_region(
     y = axis("control_point", "m", control_point, points, "control point delta_x")
     mass, inertia = positive("mass", mass), positive("inertia", inertia)
     duration = positive("duration", duration)
-    if not math.isfinite(number("heading", heading)):
-        raise InputError(f"heading must be finite, found {heading!r}")
+    finite("heading", heading)
     reference, gain = c17_ellipse(), model.coefficients()["thrust"] * mass / inertia
     loop = tracking_loop(model, reference).compile(friction="smooth")
     refuse_large(loop, points**2, SECONDS_PER_RUN)

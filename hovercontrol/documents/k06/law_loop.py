@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from functools import lru_cache
 
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 
 from hovercontrol.base.arrays import Array
 from hovercontrol.base.errors import InputError
-from hovercontrol.base.tables import number
+from hovercontrol.base.tables import finite
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.delays import pade
 from hovercontrol.blocks.interconnect import interconnect, rename
@@ -158,8 +157,7 @@ def turn_loop(*, k1: float, k2: float, yaw_rate: float) -> Block:
     InputError
         If a gain is not positive, or the yaw rate zero: then both limit points are one.
     """
-    if not math.isfinite(number("yaw_rate", yaw_rate)):
-        raise InputError(f"yaw_rate must be finite, found {yaw_rate!r}")
+    finite("yaw_rate", yaw_rate)
     if yaw_rate == 0:
         raise InputError("yaw_rate: expected a turn, found 0 rad/s: the two limit points are one")
     law = turn(k1=k1, k2=k2, name="law")

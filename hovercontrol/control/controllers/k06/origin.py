@@ -7,8 +7,7 @@ import math
 import sympy as sp
 
 from hovercontrol.base.boundary import checked
-from hovercontrol.base.errors import InputError
-from hovercontrol.base.tables import positive
+from hovercontrol.base.tables import not_negative, positive
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.interconnect import interconnect
 from hovercontrol.blocks.signals import Signal
@@ -90,8 +89,7 @@ def origin(
     >>> [s.name for s in origin().outputs][:4]
     ['surge_ref', 'heading_ref', 'mode', 'distance']
     """
-    if not 0 <= reverse_surge < math.inf:
-        raise InputError(f"guidance: reverse_surge must not be negative, found {reverse_surge!r}")
+    not_negative("guidance: reverse_surge", reverse_surge)
     astern = {"reverse_surge": (reverse_surge, "m/s")} if reverse_surge else {}
     steps = _steps(
         {

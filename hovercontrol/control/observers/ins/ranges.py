@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -10,7 +9,7 @@ import sympy as sp
 
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError
-from hovercontrol.base.tables import number, positive
+from hovercontrol.base.tables import not_negative, positive
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.signals import Signal
 from hovercontrol.control.observers.ins.coupled import arm_signals, placed
@@ -152,8 +151,7 @@ def measured_ranges(
     if not arms:
         raise InputError(f"{name}: units: expected at least one pair of coordinates [m], found none")
     positive(f"{name}: range_noise", range_noise)
-    if not 0 <= number(f"{name}: range_bias", range_bias) < math.inf:
-        raise InputError(f"{name}: range_bias must not be negative, found {range_bias!r}")
+    not_negative(f"{name}: range_bias", range_bias)
     R = Signal("R_range", "m^2", "variance of a range's noise", start=range_noise**2, lower=0.0)
     bias = (Signal("range_bias", "m", "bias of all ranges"),) if range_bias else ()
     coefficients = () if cone is None else cone_signals(cone, name)

@@ -5,11 +5,12 @@ from __future__ import annotations
 import sympy as sp
 
 from hovercontrol.base.boundary import checked
+from hovercontrol.base.tables import not_negative
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.interconnect import interconnect, rename
 from hovercontrol.blocks.signals import Signal
 from hovercontrol.craft.hardware.actuators.force import force_to_command
-from hovercontrol.craft.hardware.actuators.signals import FORCE_ANGLE_COMMAND, THRUST_COMMAND, not_negative
+from hovercontrol.craft.hardware.actuators.signals import FORCE_ANGLE_COMMAND, THRUST_COMMAND
 
 
 @checked

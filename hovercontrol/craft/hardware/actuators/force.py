@@ -6,6 +6,7 @@ import sympy as sp
 
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError
+from hovercontrol.base.tables import not_negative
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.interconnect import interconnect
 from hovercontrol.blocks.signals import Signal
@@ -42,8 +43,7 @@ def force_to_command(*, dead_zone: float = 0.0, reversing: bool = False, name: s
     >>> f.outputs(0.0, (), [0.0, 2.0]).round(4).tolist()
     [2.0, 1.5708]
     """
-    if not 0 <= dead_zone < float("inf"):
-        raise InputError(f"actuation: dead_zone must not be negative, found {dead_zone!r}")
+    not_negative("actuation: dead_zone", dead_zone)
     x, y = FORCE_X.symbol, FORCE_Y.symbol
     parameters: tuple[Signal, ...] = ()
     if dead_zone:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from hovercontrol.base.tables import not_negative
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.signals import Signal
-from hovercontrol.craft.hardware.actuators.signals import not_negative
 from hovercontrol.craft.models.vehicles import HOVERDEMON_BODY, Body
 
 #: Command of the lift fan, K06's "Lift Mode" (K06 figure 5.2).

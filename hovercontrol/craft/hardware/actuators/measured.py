@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -10,6 +9,7 @@ import numpy as np
 
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError
+from hovercontrol.base.tables import csv_rows
 from hovercontrol.craft.hardware.actuators.k06 import fan_tables, reverse_ratio
 from hovercontrol.craft.hardware.actuators.tables import FanTable, Floats, ServoTable
 
@@ -176,11 +176,7 @@ def read_servo_table(path: str | Path) -> ServoTable:
     [-40.0, 0.0, 40.0]
     """
     file = Path(path)
-    try:
-        with file.open(newline="", encoding="utf-8-sig") as stream:
-            lines = [(k, row) for k, row in enumerate(csv.reader(stream), 1) if any(c.strip() for c in row)]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"{file}: not readable as CSV: {error}") from None
+    lines = csv_rows(file)
     head = tuple(cell.strip() for cell in lines[0][1]) if lines else ()
     if head != SERVO_HEAD:
         raise InputError(f"{file}: row 1: expected {','.join(SERVO_HEAD)}, found {','.join(head)!r}")

@@ -18,7 +18,7 @@ import sympy as sp
 
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError
-from hovercontrol.base.tables import number, positive
+from hovercontrol.base.tables import not_negative, number, positive
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.interconnect import interconnect, rename
 from hovercontrol.blocks.signals import Signal
@@ -36,7 +36,6 @@ from hovercontrol.craft.hardware.actuators.signals import (
     RUDDER_ANGLE_COMMAND,
     THRUST_COMMAND,
     UPDATE,
-    not_negative,
 )
 from hovercontrol.craft.models.motion import RUDDER, THRUST
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import sympy as sp
 
 from hovercontrol.base.boundary import checked
-from hovercontrol.base.errors import InputError
-from hovercontrol.base.tables import positive
+from hovercontrol.base.tables import not_negative, positive
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.signals import Signal, time
 from hovercontrol.craft.hardware.actuators.signals import FAN_SPEED, FAN_SPEED_SET, RPM, UPDATE
@@ -122,8 +121,7 @@ def battery_fan(
     >>> print(battery_fan().equations())
     fan_speed' = (duty*full_speed*(-sag*t + 1) - fan_speed)/lag
     """
-    if not sag >= 0:
-        raise InputError(f"{name}: sag must not be negative, found {sag!r}")
+    not_negative(f"{name}: sag", sag)
     parameters = (
         Signal("lag", "s", "time constant", start=positive(f"{name}: lag", lag), lower=1e-9),
         Signal(

@@ -6,7 +6,7 @@ import numpy as np
 import sympy as sp
 
 from hovercontrol.base.boundary import checked
-from hovercontrol.base.tables import number, positive
+from hovercontrol.base.tables import not_negative, number, positive
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.lookup import linear
 from hovercontrol.blocks.signals import Signal
@@ -25,7 +25,6 @@ from hovercontrol.craft.hardware.actuators.signals import (
     SERVO_COMMAND,
     TICK,
     UPDATE,
-    not_negative,
 )
 from hovercontrol.craft.hardware.actuators.tables import ServoTable
 

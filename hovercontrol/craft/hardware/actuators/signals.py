@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 
 from hovercontrol.base.errors import InputError
+from hovercontrol.base.tables import not_negative
 from hovercontrol.blocks.signals import Signal
 from hovercontrol.blocks.ticks import Clock
 
@@ -35,19 +36,6 @@ RUDDER_ANGLE = Signal("rudder_angle", "rad", "angle of the rudder", nominal=0.5)
 
 #: K06's base tick and the period of servos and speed controllers [s].
 TICK, UPDATE = 0.001, 0.02
-
-
-def not_negative(where: str, value: float) -> float:
-    """Return a finite number that is zero or more.
-
-    Raises
-    ------
-    InputError
-        If the number is negative or not finite.
-    """
-    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value < math.inf:
-        raise InputError(f"{where} must not be negative, found {value!r}")
-    return float(value)
 
 
 def whole_ticks(where: str, seconds: float, period: float) -> int:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sympy as sp
 
 from hovercontrol.base.boundary import checked
-from hovercontrol.base.tables import positive
+from hovercontrol.base.tables import not_negative, positive
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.signals import Signal
 from hovercontrol.craft.hardware.actuators.signals import (
@@ -14,7 +14,6 @@ from hovercontrol.craft.hardware.actuators.signals import (
     FAN_SPEED_SET,
     TICK,
     UPDATE,
-    not_negative,
     whole_ticks,
 )
 

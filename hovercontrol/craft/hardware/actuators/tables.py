@@ -16,6 +16,7 @@ from hovercontrol.base.errors import InputError
 from hovercontrol.base.files import write_atomically
 from hovercontrol.base.pyplot import open_in_pyplot
 from hovercontrol.base.short_repr import short_repr
+from hovercontrol.base.tables import csv_rows
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -171,11 +172,7 @@ def read_fan_table(path: str | Path) -> FanTable:
     [[0.0, 9000.0], [0.0, 9000.0]]
     """
     file = Path(path)
-    try:
-        with file.open(newline="", encoding="utf-8-sig") as stream:
-            lines = [(k, row) for k, row in enumerate(csv.reader(stream), 1) if any(c.strip() for c in row)]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"{file}: not readable as CSV: {error}") from None
+    lines = csv_rows(file)
     head = lines[0][1][0].strip() if lines else ""
     over = next((key for key, text in HEADS.items() if text == head), None)
     if over is None:

@@ -9,6 +9,7 @@ import sympy as sp
 
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError
+from hovercontrol.base.tables import not_negative
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.lookup import bilinear
 from hovercontrol.blocks.signals import Signal
@@ -28,7 +29,6 @@ from hovercontrol.craft.hardware.actuators.signals import (
     RUDDER_ANGLE_COMMAND,
     THRUST_COMMAND,
     TICK,
-    not_negative,
 )
 from hovercontrol.craft.hardware.actuators.tables import FanTable
 from hovercontrol.craft.models.motion import RUDDER, THRUST

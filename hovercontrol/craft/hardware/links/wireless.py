@@ -10,9 +10,9 @@ import sympy as sp
 
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError
-from hovercontrol.base.tables import number, positive
+from hovercontrol.base.tables import not_negative, number, positive
 from hovercontrol.blocks.block import Block
-from hovercontrol.blocks.delay_line import not_negative, passed_through
+from hovercontrol.blocks.delay_line import passed_through
 from hovercontrol.blocks.random_numbers import random_numbers
 from hovercontrol.blocks.signals import Signal
 from hovercontrol.craft.hardware.links.csma import Csma

@@ -2,31 +2,16 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 import sympy as sp
 
 from hovercontrol.base.errors import InputError
-from hovercontrol.base.tables import number, positive
+from hovercontrol.base.tables import finite, not_negative, positive
 from hovercontrol.blocks.signals import Signal
 
 #: One tick of K06's inertial measurement unit [s] (section 5.4.1).
 IMU_TICK = 0.0065536
-
-
-def at_least_zero(where: str, value: float) -> float:
-    """Return a number that must be finite and not negative."""
-    if not 0 <= number(where, value) < math.inf:
-        raise InputError(f"{where} must not be negative, found {value!r}")
-    return float(value)
-
-
-def finite(where: str, value: float) -> float:
-    """Return a number that must be finite."""
-    if not math.isfinite(number(where, value)):
-        raise InputError(f"{where} must be finite, found {value!r}")
-    return float(value)
 
 
 def pair(where: str, value: Sequence[float]) -> tuple[float, float]:
@@ -38,7 +23,7 @@ def pair(where: str, value: Sequence[float]) -> tuple[float, float]:
 
 def size(name: str, unit: str, description: str, where: str, value: float) -> Signal:
     """Return a parameter that is not negative; 0 switches its error off."""
-    start = at_least_zero(f"{where}: {name}", value)
+    start = not_negative(f"{where}: {name}", value)
     return Signal(name, unit, description, start=start, nominal=start or 1.0, lower=0.0)
 
 

@@ -10,10 +10,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError
+from hovercontrol.base.tables import finite
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.expressions import Definitions
 from hovercontrol.blocks.signals import Signal
-from hovercontrol.craft.hardware.sensors._parts import finite
 
 #: K06 (5.7): e(phi) = 1 + 0.0032 phi - 0.038 phi^2, true over measured range; its two coefficients.
 K06_CONE = (0.0032, -0.038)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import sympy as sp
 
+from hovercontrol.base.tables import finite
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.signals import Signal
-from hovercontrol.craft.hardware.sensors._parts import finite
 
 #: Standard gravity, as a parameter of Blocks.
 GRAVITY = Signal("gravity", "m/s^2", "standard gravity", start=9.80665, nominal=10.0)
