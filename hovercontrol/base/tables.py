@@ -94,7 +94,7 @@ def number(where: str, value: Any) -> float:
 def finite(where: str, value: Any) -> float:
     """Return a number that must be finite."""
     if not math.isfinite(number(where, value)):
-        raise InputError(f"{where} must be finite, found {shown(value)}")
+        raise InputError(f"{where} must be a finite number, found {shown(value)}")
     return float(value)
 
 

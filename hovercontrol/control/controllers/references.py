@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError, shown
+from hovercontrol.base.tables import finite, positive
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.signals import Signal, time
 
@@ -86,7 +87,7 @@ def ellipse(
     """
     _positive(semi_x=semi_x, semi_y=semi_y)
     _nonzero(rate=rate)
-    _number("phase", phase)
+    finite("reference: phase", phase)
     a, b, w, p = (
         Signal("semi_x", "m", "semi-axis along x", start=semi_x, lower=0.0),
         Signal("semi_y", "m", "semi-axis along y", start=semi_y, lower=0.0),
@@ -128,7 +129,7 @@ def circle(radius: float, rate: float = 1.0, phase: float = 0.0, name: str = "re
     """
     _positive(radius=radius)
     _nonzero(rate=rate)
-    _number("phase", phase)
+    finite("reference: phase", phase)
     r, w, p = (
         Signal("radius", "m", "radius", start=radius, lower=0.0),
         Signal("rate", "rad/s", "angular rate", start=rate),
@@ -304,24 +305,11 @@ def piecewise(
     return sp.Piecewise(*pieces, (sp.Float(ends[1]), True))
 
 
-def _number(name: str, value: Any) -> float:
-    """Return a value that must be a finite number."""
-    try:
-        if isinstance(value, str | bytes | bool | np.bool_):
-            raise TypeError
-        found = float(value)
-    except (TypeError, ValueError, OverflowError):
-        found = math.nan
-    if not math.isfinite(found):
-        raise InputError(f"reference: {name} must be a finite number, found {reprlib.repr(value)}")
-    return found
-
-
 def _pair(name: str, value: Any) -> tuple[float, float]:
     """Return a value that must be two finite numbers."""
     if not isinstance(value, list | tuple | np.ndarray) or len(value) != 2:
         raise InputError(f"reference: {name} must be two numbers, found {reprlib.repr(value)}")
-    return _number(f"{name}[0]", value[0]), _number(f"{name}[1]", value[1])
+    return finite(f"reference: {name}[0]", value[0]), finite(f"reference: {name}[1]", value[1])
 
 
 def _array(name: str, value: Any) -> np.ndarray:
@@ -337,13 +325,12 @@ def _array(name: str, value: Any) -> np.ndarray:
 
 def _positive(**values: Any) -> None:
     for name, value in values.items():
-        if not _number(name, value) > 0:
-            raise InputError(f"reference: {name} must be positive, found {value!r}")
+        positive(f"reference: {name}", value)
 
 
 def _nonzero(**values: Any) -> None:
     for name, value in values.items():
-        if _number(name, value) == 0:
+        if finite(f"reference: {name}", value) == 0:
             raise InputError(f"reference: {name} must not be zero")
 
 

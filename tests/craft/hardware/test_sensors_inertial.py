@@ -169,7 +169,7 @@ def test_a_seed_repeats_a_run_and_another_does_not():
         ({"yaw_rate_noise": -1.0}, "yaw_rate_noise must not be negative"),
         ({"acceleration_walk": math.nan}, "acceleration_walk must be a number"),
         ({"acceleration_bias": (1.0,)}, "expected two numbers"),
-        ({"yaw_rate_bias": math.inf}, "must be finite"),
+        ({"yaw_rate_bias": math.inf}, "must be a finite number"),
     ],
 )
 def test_wrong_numbers_of_the_imu_are_refused(wrong, said):
