@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 unexport PYTHONDONTWRITEBYTECODE  # the tests start many processes: compile each file once
 
-.PHONY: demo test test-slow test-all coverage mutations oldest newest check wheel fuzz benchmarks findings docs pictures clean
+.PHONY: demo test test-slow test-all coverage mutations oldest newest check wheel fuzz benchmarks findings docs site pages notebooks pictures clean
 .DELETE_ON_ERROR:
 
 demo: .venv/ready  ## the paper's Table I, coefficients from the sample log, what K06's model lacked
@@ -62,9 +62,19 @@ findings:  ## surprises about other people's tools (findings/README.md), each in
 	@changed=0; for script in findings/*.sh; do \
 	  echo "$$script"; sh $$script || { echo "its behaviour has changed: $$script"; changed=1; }; done; exit $$changed
 
-docs: .venv/docs  ## the site, every cell run, warnings are errors: out/site/index.html
+docs: .venv/docs  ## the site, warnings are errors: out/site/index.html; parts whose sources have not changed are kept
 	@begin=$$(date +%s); PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/sphinx-build -W --keep-going -q -j auto -d out/doctrees docs out/site \
 	  && echo "the site is built: out/site/index.html ($$(( $$(date +%s) - begin )) s)"
+
+site: docs  ## the site in a browser: http://127.0.0.1:8000
+	$(BIN)/python -m http.server --directory out/site --bind 127.0.0.1 8000
+
+PAGES ?=
+pages: .venv/docs  ## run the cells of pages that have changed (PAGES=--all: of all), and write their outputs into the pages
+	PYTHONPATH=docs $(BIN)/python -m generate.cells $(PAGES)
+
+notebooks: .venv/docs  ## the pages as notebooks: out/notebooks
+	PYTHONPATH=docs $(BIN)/python -m generate.notebooks out/notebooks
 
 pictures: .venv/docs  ## the site's pictures that take minutes: all analyses, all tables and figures of the papers (half an hour)
 	PYTHONPATH=docs $(BIN)/python -m generate.keep out/pictures

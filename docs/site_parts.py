@@ -1,18 +1,98 @@
-"""What the site needs of Sphinx: formulas as MathML, cells of commands shown as such, bars in docstrings."""
+"""What the site makes of pages that a code host shows as they stand: links, chapters, formulas, bars."""
 
 from __future__ import annotations
 
+import os
 import re
+from pathlib import Path
 from typing import Any
 
 from docutils import nodes
 from docutils.utils.math.latex2mathml import tex2mathml
-from myst_nb.core import render
-from myst_nb.core.utils import coalesce_streams
-from sphinx.transforms.post_transforms import SphinxPostTransform
+from sphinx import addnodes
+from sphinx.transforms import SphinxTransform
 
-#: The first line of a cell that holds commands, nobody types it; and of one that is a file.
-MAGIC, FILE = "%%bash\n", "%%writefile "
+#: What a link to a file of the checkout is on the site: the page that the code has in the reference.
+PAGES = (
+    (r"analyses/(\w+)\.py", r"reference/analyses/\1.md"),
+    (r"analyses", "reference/analyses.md"),
+    (r"hovercontrol/documents/scenarios/([\w-]+)\.toml", r"reference/scenarios/\1.md"),
+    (r"hovercontrol/craft/effects", "reference/effects.md"),
+    (r"hovercontrol/craft/hardware", "reference/blocks.md"),
+    (r"hovercontrol/app/commands/(\w+)\.py", r"reference/commands/\1.md"),
+    (r"hovercontrol/app/commands", "reference/commands.md"),
+    (r"hovercontrol/app/schema", "reference/formats.md"),
+    (r"tests/identification/diagnose/blind/table\.md", "reference/evidence/blind.md"),
+    (r"tests/identification/diagnose/blind/criteria\.md", "reference/evidence/criteria.md"),
+    (r"docs/pictures/reproduce/(c17|k06)\.json", r"reference/evidence/\1.md"),
+    (r"docs/pictures/reproduce", "reference/evidence.md"),
+    (r"docs/pictures", "gallery/index.md"),
+    (r"hovercontrol/__init__\.pyi", "reference/index.md"),
+)
+LINK = re.compile(r"(?<!!)\[([^\]]+)\]\(([^)\s#]+)(#[^)\s]*)?\)")
+FENCED = re.compile(r"^(`{3,}).*?^\1", re.MULTILINE | re.DOTALL)
+
+
+def site_link(page: Path, docs: Path, found: re.Match[str]) -> str:
+    """Return a link of a page as it is on the site; a file that has no page there is text."""
+    text, path, anchor = found[1], found[2], found[3] or ""
+    full = os.path.normpath(page.parent / path)
+    if re.match(r"\w+:", path) or (Path(full).is_relative_to(docs) and full.endswith((".md", ".py"))):
+        return found[0]
+    name = os.path.relpath(full, docs.parent)
+    for pattern, target in PAGES:
+        if match := re.fullmatch(pattern, name):
+            return f"[{text}]({os.path.relpath(docs / match.expand(target), page.parent)}{anchor})"
+    return text
+
+
+def as_on_the_site(app: Any, docname: str, source: list[str]) -> None:
+    """Change links to code into links to its page in the reference; give each index its chapter's pages."""
+    docs, page = Path(app.srcdir), Path(app.env.doc2path(docname))
+    if docname.startswith(("reference/", "gallery/")):
+        return
+    parts, at, text = [], 0, source[0]
+    for fence in FENCED.finditer(text):
+        parts += [LINK.sub(lambda m: site_link(page, docs, m), text[at : fence.start()]), fence[0]]
+        at = fence.end()
+    parts.append(LINK.sub(lambda m: site_link(page, docs, m), text[at:]))
+    source[0] = "".join(parts)
+    if page.stem == "index":
+        source[0] = chapters(source[0])
+
+
+def chapters(text: str) -> str:
+    """Return an index with hidden lists, for the side bar, of the pages that each section links to."""
+    title, *sections = re.split(r"^## ", text, flags=re.MULTILINE)
+    done: set[str] = set()
+    lists = []
+    for section in [title, *sections]:
+        names = [m[2] for m in LINK.finditer(section) if m[2].endswith(".md") and not m[2].startswith("../")]
+        new = [name.removesuffix(".md") for name in dict.fromkeys(names) if name not in done]
+        done |= {f"{name}.md" for name in new}
+        caption = [f":caption: {section.splitlines()[0]}"] if section is not title else []
+        if new:
+            lists.append("\n".join(["```{toctree}", ":hidden:", *caption, "", *new, "```"]))
+    return "\n\n".join([text.rstrip("\n"), *lists]) + "\n"
+
+
+class Names(SphinxTransform):
+    """Link names of the package in the text, `hc.lqr`, to their pages."""
+
+    default_priority = 400
+
+    def apply(self, **kwargs: Any) -> None:
+        """Change every such literal of a page."""
+        for node in list(self.document.findall(nodes.literal)):
+            name = re.fullmatch(r"(?:hc|hovercontrol)((?:\.\w+)+)(?:\(.*\))?", node.astext())
+            if not name or isinstance(node.parent, nodes.reference):
+                continue
+            link = addnodes.pending_xref(
+                "", refdomain="py", reftype="obj", reftarget=f"hovercontrol{name[1]}", refexplicit=True,
+                refwarn=False, refdoc=self.env.docname,
+            )  # fmt: skip
+            node.replace_self(link)
+            link += node
 
 
 def _inline(self: Any, node: nodes.math) -> None:
@@ -25,26 +105,6 @@ def _block(self: Any, node: nodes.math_block) -> None:
     raise nodes.SkipNode
 
 
-class Commands(SphinxPostTransform):
-    """Show cells of commands as commands, and those that write a file as that file."""
-
-    default_priority = 5
-
-    def run(self, **kwargs: Any) -> None:
-        """Change every such cell of a page."""
-        for node in self.document.findall(nodes.literal_block):
-            text = node.astext()
-            if text.startswith(MAGIC):
-                shown = text.removeprefix(MAGIC).replace(" || true", "")
-                node.rawsource, node.children = shown, []
-                node += nodes.Text(shown)
-                node["language"] = "sh"
-            elif text.startswith(FILE):
-                shown = text.replace(FILE, "# ", 1)
-                node.rawsource, node.children = shown, []
-                node += nodes.Text(shown)
-
-
 def plain_bars(app: Any, what: str, name: str, thing: Any, options: Any, lines: list[str]) -> None:
     """Let bars of a docstring be absolute values, not substitutions."""
     for k, line in enumerate(lines):
@@ -52,24 +112,10 @@ def plain_bars(app: Any, what: str, name: str, thing: Any, options: Any, lines: 
         lines[k] = "".join(p if p.startswith("``") else p.replace("|", "\\|") for p in parts)
 
 
-def joined_streams(outputs: list[Any]) -> list[Any]:
-    """Return outputs of a cell, each stream in one piece: MyST-NB itself breaks lines between pieces."""
-    found: list[Any] = []
-    streams: dict[str, Any] = {}
-    for output in outputs:
-        if output["output_type"] == "stream" and output["name"] in streams:
-            streams[output["name"]]["text"] += output["text"]
-            continue
-        if output["output_type"] == "stream":
-            streams[output["name"]] = output
-        found.append(output)
-    return coalesce_streams(found)
-
-
 def setup(app: Any) -> dict[str, bool]:
     """Tell Sphinx of all of them."""
-    render.coalesce_streams = joined_streams
+    app.connect("source-read", as_on_the_site)
     app.connect("autodoc-process-docstring", plain_bars)
     app.add_html_math_renderer("mathml", inline_renderers=(_inline, None), block_renderers=(_block, None))
-    app.add_post_transform(Commands)
+    app.add_transform(Names)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -51,7 +51,7 @@ def test_its_picture_is_small():
 @pytest.mark.slow
 def test_every_short_example_runs_in_order(own_folder):
     space: dict = {}
-    blocks = re.findall(r"```\{code-cell\} ipython3\n(.*?)```", SHORT, flags=re.DOTALL)
+    blocks = re.findall(r"```python run\n(.*?)```", SHORT, flags=re.DOTALL)
     assert len(blocks) == 6
     for block in blocks:
         exec(block, space)

@@ -7,38 +7,57 @@ has its page with the next build.
 
 from __future__ import annotations
 
-import os
+import shutil
 import time
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
 
 from generate import analyses, api, blocks, commands, effects, evidence, formats, gallery, scenarios, vehicles
-from generate.pages import clean
+from generate.stamps import kept, stamp
 
-#: What is written, in the order of the reference's first page.
-PARTS = (effects, vehicles, blocks, scenarios, analyses, commands, formats, api, evidence)
+#: What is written, in the order of the reference's first page, and the sources of each.
+PACKAGE = "hovercontrol", "fmu", "docs/generate"
+PLANTS = "hovercontrol/base", "hovercontrol/blocks", "hovercontrol/craft", "docs/generate"
+PARTS = (
+    (effects, (*PLANTS, "hovercontrol/identification/diagnose/experiment")),
+    (vehicles, PLANTS),
+    (blocks, (*PLANTS, "hovercontrol/control")),
+    (scenarios, (*PLANTS, "hovercontrol/control", "hovercontrol/documents", "fmu")),
+    (analyses, (*PACKAGE, "analyses", "docs/pictures")),
+    (commands, PACKAGE),
+    (formats, PACKAGE),
+    (api, PACKAGE),
+    (evidence, (*PACKAGE, "docs/pictures", "tests/identification/diagnose/blind")),
+)
 
 
 def generate(docs: Path) -> None:
-    """Write all generated pages below ``docs/reference`` and ``docs/gallery``."""
+    """Write the generated pages below ``docs/reference`` and ``docs/gallery`` whose sources have changed."""
     reference = docs / "reference"
-    clean(reference)
+    reference.mkdir(exist_ok=True)
     lines = ["# Reference", "", "These pages are generated from the code.", ""]
     with ProcessPoolExecutor(2, mp_context=get_context("fork")) as pool:  # effects and scenarios take longest
         found = [pool.submit(_written, k, reference) for k in range(len(PARTS))]
         lines += [one.result() for one in found]
-    names = [part.__name__.rpartition(".")[2] for part in PARTS]
-    lines += ["", "```{toctree}", ":hidden:", "", *names, "```", ""]
-    (reference / "index.md").write_text("\n".join(lines), encoding="utf-8")
+    names = [part.__name__.rpartition(".")[2] for part, _ in PARTS]
+    text = "\n".join([*lines, "", "```{toctree}", ":hidden:", "", *names, "```", ""])
+    (reference / "index.md").write_text(text, encoding="utf-8")
     gallery.pages(docs / "gallery")
 
 
 def _written(k: int, reference: Path) -> str:
-    """Write a part of the reference; return its line on the first page."""
-    begin, spent = time.monotonic(), sum(os.times()[:4])
-    name, count = PARTS[k].pages(reference)
-    title = (PARTS[k].__doc__ or "").partition(":")[0]
-    took = f"{time.monotonic() - begin:.1f} s, {sum(os.times()[:4]) - spent:.1f} s of processor time"
-    print(f"reference: {name}, {count}: {took}", flush=True)
-    return f"- [{title}]({name}.md): {count}"
+    """Write a part of the reference, or keep it; return its line on the first page."""
+    part, sources = PARTS[k]
+    own = part.__name__.rpartition(".")[2]
+    place, now = reference / f".{own}", stamp(sources)
+    if line := kept(place, now):
+        return line
+    begin = time.monotonic()
+    shutil.rmtree(reference / own, ignore_errors=True)
+    name, count = part.pages(reference)
+    title = (part.__doc__ or "").partition(":")[0]
+    print(f"reference: {name}, {count}: {time.monotonic() - begin:.1f} s", flush=True)
+    line = f"- [{title}]({name}.md): {count}"
+    place.write_text(f"{now}\n{line}", encoding="utf-8")
+    return line

@@ -63,8 +63,8 @@ CONVENTIONS = [
 #: What the page on logs says of other formats.
 _OTHER_LOGS = (
     "## Formats",
-    'A file\'s format is known by its content, else by its suffix. Libraries come with `pip install "hovercontrol[logs]"` (ROS, PX4, ArduPilot, MDF) '
-    'and `"hovercontrol[logs-all]"` (all).',
+    'A file\'s format is known by its content, else by its suffix. Libraries come with `pip install ".[logs]"` (ROS, PX4, ArduPilot, MDF) '
+    'and `".[logs-all]"` (all).',
     table(
         ("format", "suffix", "library", "names of columns"),
         [(f.name, ", ".join(f"`{s}`" for s in f.suffixes), f.library, f.columns) for f in FORMATS],

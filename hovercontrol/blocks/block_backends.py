@@ -292,7 +292,7 @@ class Backends:
         Raises
         ------
         InputError
-            If CasADi is not installed (``pip install "hovercontrol[mpc]"``), an input acts late, or an
+            If CasADi is not installed (``pip install ".[mpc]"``), an input acts late, or an
             expression has no form in CasADi.
 
         Examples
@@ -308,7 +308,7 @@ class Backends:
     def to_jax(self) -> JaxFunctions:
         """Return the Block as pure JAX functions, for gradients of runs, ``vmap`` and GPUs.
 
-        Needs ``pip install "hovercontrol[jax]"``. JAX is set to double precision for the whole process.
+        Needs ``pip install ".[jax]"``. JAX is set to double precision for the whole process.
 
         Returns
         -------
@@ -329,7 +329,7 @@ class Backends:
         """Return the Block as a Gymnasium environment, or many as a vector environment.
 
         Arguments, result and errors are those of :func:`hovercontrol.blocks.backends.gym.to_gym`. Needs
-        ``pip install "hovercontrol[rl]"``.
+        ``pip install ".[rl]"``.
 
         Parameters
         ----------

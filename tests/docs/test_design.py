@@ -12,7 +12,7 @@ import pytest
 from hovercontrol.base.errors import InputError
 
 DESIGN = Path(__file__).parents[2] / "docs" / "design"
-CELL = re.compile(r"```\{code-cell\} ipython3\n((?::tags: [^\n]*\n)?)\n?(.*?)```", re.DOTALL)
+CELL = re.compile(r"^```python (run[^\n]*)\n(.*?)^```", re.DOTALL | re.MULTILINE)
 
 
 @pytest.mark.slow
@@ -23,17 +23,16 @@ def test_the_cells_of_a_page_run(page, tmp_path, monkeypatch):
     cells = CELL.findall(page.read_text(encoding="utf-8"))
     assert cells or page.stem == "index"
     names, said = {}, io.StringIO()
-    for tags, code in cells:
-        refused = pytest.raises(InputError) if "raises-exception" in tags else contextlib.nullcontext()
-        lines = [line for line in code.splitlines() if not line.startswith("%")]
+    for words, code in cells:
+        refused = pytest.raises(InputError) if "fails" in words else contextlib.nullcontext()
         with refused, contextlib.redirect_stdout(said):
-            exec(compile("\n".join(lines), f"{page.name}", "exec"), names)
+            exec(compile(code, f"{page.name}", "exec"), names)
     plt.close("all")
     assert "nan" not in said.getvalue()
 
 
 def test_every_page_is_in_the_chapter():
-    listed = re.findall(r"^(\w+)$", (DESIGN / "index.md").read_text(encoding="utf-8"), re.MULTILINE)
+    listed = re.findall(r"\]\((\w+)\.md\)", (DESIGN / "index.md").read_text(encoding="utf-8"))
     assert set(listed) >= {path.stem for path in DESIGN.glob("*.md")} - {"index"}
 
 

@@ -129,19 +129,3 @@ def test_an_effect_that_the_craft_cannot_tell_from_another_is_its_twin():
     runs = effect_runs.Runs({name: effect_runs.seen_by(name, craft) for name in names})
     assert [twin for twin, _ in runs.twins("input_delay")] == ["time_offset"]
     assert runs.twins("surge_quadratic_drag") == []
-
-
-def test_what_a_command_prints_in_pieces_stays_one_text():
-    pytest.importorskip("myst_nb")
-    from nbformat.v4 import new_output
-    from site_parts import joined_streams
-
-    pieces = [
-        ("stdout", "a ta"),
-        ("stderr", "don"),
-        ("stdout", "ble\n"),
-        ("stderr", "e\n"),
-        ("stdout", "  x  y\n"),
-    ]
-    found = joined_streams([new_output("stream", name=name, text=text) for name, text in pieces])
-    assert {o["name"]: o["text"] for o in found} == {"stdout": "a table\n  x  y\n", "stderr": "done\n"}

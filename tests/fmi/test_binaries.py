@@ -23,7 +23,7 @@ from hovercontrol.fmi.exporter.variables import Interface
 from .blocks import BLOCKS
 
 needs_zig = pytest.mark.skipif(
-    importlib.util.find_spec("ziglang") is None, reason="ziglang (hovercontrol[fmu]) is not installed"
+    importlib.util.find_spec("ziglang") is None, reason="ziglang (the extra fmu) is not installed"
 )
 
 

@@ -17,7 +17,7 @@ from hovercontrol.blocks.backends.compiler import find_compiler
 HOST = Path(__file__).parent / "platforms" / "host.c"
 ARM = Path("/usr/aarch64-linux-gnu")  # where Debian's libc6-arm64-cross puts the C library
 if importlib.util.find_spec("ziglang") is None:
-    pytest.skip("ziglang (hovercontrol[fmu]) is not installed", allow_module_level=True)
+    pytest.skip("ziglang (the extra fmu) is not installed", allow_module_level=True)
 
 
 def run(folder, platform, target, before=(), more=None):

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import control
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.app.animation.craft import Craft, craft_of
 from hovercontrol.app.animation.frames import Frames, check_ffmpeg, gif_period, write_gif, write_mp4
@@ -41,6 +41,8 @@ def animate(
     model: Model | None = None,
     trail: bool = True,
     forces: bool = True,
+    obstacles: ArrayLike = (),
+    waypoints: ArrayLike = (),
     progress: Callable[[float], None] | None = None,
 ) -> Animation:
     """Return the motion of a craft as an animation, and write it to a file if a path is given.
@@ -57,8 +59,8 @@ def animate(
         With ``x``, ``y`` [m] and ``psi`` [rad] as outputs, columns or states (``plant.x``): from
         :func:`hovercontrol.simulate`, ``compile().simulate``, a scenario, or a log.
     path : path, optional
-        A file ``.html`` (one page that needs nothing else, with slider and speeds), ``.mp4`` (needs ffmpeg)
-        or ``.gif``; written atomically. Not needed in a notebook, which displays the result.
+        A file ``.html`` (one page that needs nothing else, with slider and speeds), ``.mp4`` (needs ffmpeg or
+        the extra ``video``) or ``.gif``; written atomically. A notebook shows the result without.
     speed : float, optional
         Seconds of the run per second of the animation.
     fps : float, optional
@@ -68,6 +70,11 @@ def animate(
         with a rudder of 0.45 m x 0.25 m. A hull too small to see is enlarged.
     trail, forces : bool, optional
         Whether the past path and the arrows are drawn.
+    obstacles : array_like, shape (n, 3), optional
+        x, y and radius of circles to draw [m]. A run of a predictive controller brings its own, its
+        waypoints, and what it plans at each sample.
+    waypoints : array_like, shape (n, 2), optional
+        Points to mark [m].
     progress : callable, optional
         Called with the fraction written, 0 to 1.
 
@@ -92,7 +99,7 @@ def animate(
     51
     """
     speed, fps = positive("animate: speed", speed), positive("animate: fps", fps)
-    made = Animation(motion_of(run), model, speed, fps, trail, forces)
+    made = Animation(motion_of(run, obstacles, waypoints), model, speed, fps, trail, forces)
     if made.frames > MOST:
         raise InputError(
             f"animate: {made.frames} frames are too many, at most {MOST}: "

@@ -5,18 +5,24 @@ from __future__ import annotations
 import subprocess
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib import rcParams
 from matplotlib.animation import FFMpegWriter
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.patches import Polygon
+from matplotlib.patches import Circle, Polygon
 from PIL import Image
 
 from hovercontrol.app.animation.craft import MARGIN, Craft, to_earth
-from hovercontrol.app.animation.motion import Motion
+from hovercontrol.app.animation.motion import ROUNDING, Motion, Scenery
+from hovercontrol.base.arrays import Array
 from hovercontrol.base.errors import InputError
-from hovercontrol.base.figure_style import BLUE, GREEN, SKY, VERMILION
+from hovercontrol.base.figure_style import BLUE, GREEN, SKY, VERMILION, YELLOW
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 #: Size of a frame [in] and its resolution [1/in]; H.264 needs even numbers of pixels.
 SIZE, DPI = (7.0, 6.0), 100
@@ -45,7 +51,7 @@ class Frames:
         self.many = len(motion.time)
         self._whole, self._motion, self._craft = whole, motion, craft
         axes = self.figure.subplots()
-        x, y = (np.concatenate([getattr(whole, k), whole.reference.get(k, [])]) for k in "xy")
+        x, y = extent(whole)
         edge = MARGIN * craft.length
         axes.update_datalim([(x.min() - edge, y.min() - edge), (x.max() + edge, y.max() + edge)])
         axes.set_aspect("equal", adjustable="datalim")
@@ -53,6 +59,9 @@ class Frames:
         axes.grid(alpha=0.3)
         if motion.reference and not motion.goal:
             axes.plot(whole.reference["x"], whole.reference["y"], "--", color="0.5", lw=1.0)
+        draw_scenery(axes, motion.scenery)
+        (self._plan,) = axes.plot([], [], ".-", color=VERMILION, lw=0.8, ms=3, zorder=4)
+        (self._point,) = axes.plot([], [], ".", color=YELLOW, ms=9, zorder=5)
         (self._trail,) = axes.plot([], [], color=BLUE, lw=1.2, visible=trail)
         (self._target,) = axes.plot(
             [], [], "+" if motion.goal else "o", color=GREEN, ms=9, mfc="none", zorder=5
@@ -80,6 +89,10 @@ class Frames:
             np.append(self._whole.x[behind], pose[0]), np.append(self._whole.y[behind], pose[1])
         )
         self._hull.set_xy(to_earth(craft.outline, *pose))
+        if len(motion.scenery.plans):
+            self._plan.set_data(*plan_at(self._whole, motion.time[k]).T)
+        if motion.tracked:
+            self._point.set_data([motion.tracked["x"][k]], [motion.tracked["y"][k]])
         if motion.reference:
             self._target.set_data([motion.reference["x"][k]], [motion.reference["y"][k]])
         if craft.arrows:
@@ -88,6 +101,30 @@ class Frames:
             self._arrows.set_offsets(ends)
             self._arrows.set_UVC(*(craft.length * to_earth(forces, 0.0, 0.0, pose[2])).T)
         self._title.set_text(caption(motion, k))
+
+
+def extent(motion: Motion) -> tuple[Array, Array]:
+    """Return x and y of all that the map of a motion shows."""
+    seen = motion.scenery.extent()
+    x, y = (
+        np.concatenate([getattr(motion, k), motion.reference.get(k, []), seen[i]]) for i, k in enumerate("xy")
+    )
+    return x, y
+
+
+def plan_at(whole: Motion, time: float) -> Array:
+    """Return the plan of a predictive controller at an instant, shape (points, 2): one a sample."""
+    plans = whole.scenery.plans
+    sample = (whole.time[-1] - whole.time[0]) / len(plans)
+    return plans[min(int((time - whole.time[0]) / sample + ROUNDING), len(plans) - 1)]
+
+
+def draw_scenery(axes: Axes, scenery: Scenery) -> None:
+    """Draw obstacles as discs and waypoints as crosses."""
+    for k, (x, y, radius) in enumerate(scenery.obstacles):
+        axes.add_patch(Circle((x, y), radius, color="0.75", label=None if k else "obstacle", zorder=1))
+    if len(scenery.waypoints):
+        axes.plot(*scenery.waypoints.T, "k+", ms=10, mew=1.5, label="waypoints", zorder=2)
 
 
 def caption(motion: Motion, k: int) -> str:
@@ -103,9 +140,16 @@ def gif_period(fps: float) -> float:
 
 
 def check_ffmpeg(path: Path) -> None:
-    """Raise if ffmpeg is not found."""
+    """Raise if there is no ffmpeg: neither the program nor that of the package imageio-ffmpeg."""
     if not FFMpegWriter.isAvailable():
-        raise InputError(f"{path}: an MP4 needs the program ffmpeg, which was not found; write .html or .gif")
+        try:
+            from imageio_ffmpeg import get_ffmpeg_exe
+        except ImportError:
+            raise InputError(
+                f"{path}: an MP4 needs ffmpeg, which was not found: pip install '.[video]', "
+                "or write .html or .gif"
+            ) from None
+        rcParams["animation.ffmpeg_path"] = get_ffmpeg_exe()
 
 
 def write_gif(frames: Frames, path: Path, period: float, report: Callable[[float], None]) -> None:

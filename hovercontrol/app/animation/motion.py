@@ -8,6 +8,7 @@ from typing import TypeAlias
 
 import control
 import numpy as np
+from numpy.typing import ArrayLike
 
 from hovercontrol.base.arrays import Array
 from hovercontrol.base.errors import InputError
@@ -45,6 +46,10 @@ class Motion:
         All other signals, held between times.
     model : Model or None
         Model of a scenario.
+    tracked : dict of str to ndarray (n,)
+        ``x`` and ``y`` [m] of the point of the craft that a controller brings to the reference, if the run
+        holds its error ``error_x``, ``error_y``.
+    scenery : Scenery
     """
 
     name: str
@@ -57,6 +62,8 @@ class Motion:
     goal: bool = False
     commands: Mapping[str, Array] = field(default_factory=dict)
     model: Model | None = None
+    tracked: Mapping[str, Array] = field(default_factory=dict)
+    scenery: Scenery = field(default_factory=lambda: Scenery())
 
     def at(self, times: Array) -> Motion:
         """Return the motion at other times, shape (m,): poses interpolated, commands held."""
@@ -69,11 +76,49 @@ class Motion:
             self, time=times, x=between(self.x), y=between(self.y), psi=between(self.psi),
             velocities={name: between(values) for name, values in self.velocities.items()},
             reference={name: between(values) for name, values in self.reference.items()},
+            tracked={name: between(values) for name, values in self.tracked.items()},
             commands={name: values[row] for name, values in self.commands.items()},
         )  # fmt: skip
 
 
-def motion_of(run: AnyRun) -> Motion:
+@dataclass(frozen=True, eq=False)
+class Scenery:
+    """What does not move: obstacles, shape (n, 3) as x, y, radius [m], and waypoints, shape (n, 2) [m].
+
+    Plans are what a predictive controller intended at each of its samples, shape (samples, points, 2) [m].
+    """
+
+    obstacles: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    waypoints: Array = field(default_factory=lambda: np.zeros((0, 2)))
+    plans: Array = field(default_factory=lambda: np.zeros((0, 0, 2)))
+
+    def extent(self) -> Array:
+        """Return points that a map must show, shape (2, n)."""
+        x, y, r = self.obstacles.T
+        return np.hstack([self.waypoints.T, [x - r, y - r], [x + r, y + r]])
+
+
+def scenery_of(run: AnyRun, obstacles: ArrayLike, waypoints: ArrayLike) -> Scenery:
+    """Return what a run of a predictive controller holds of its surroundings, and what is given besides.
+
+    Raises
+    ------
+    InputError
+        If obstacles are not (x, y, radius), or waypoints not (x, y).
+    """
+    try:
+        circles = np.reshape(np.asarray(obstacles, dtype=float), (-1, 3))
+        points = np.reshape(np.asarray(waypoints, dtype=float), (-1, 2))
+    except (TypeError, ValueError):
+        raise InputError("expected obstacles as (x, y, radius) and waypoints as (x, y) in m") from None
+    passed = np.reshape([p.point for p in getattr(run, "waypoints", ())], (-1, 2))
+    known = getattr(run, "obstacles", np.zeros((0, 3)))
+    plans = getattr(run, "plans", np.zeros((0, 0, 2)))
+    plans = plans if plans.shape[-1:] == (2,) else np.zeros((0, 0, 2))
+    return Scenery(np.vstack([known, circles]), np.vstack([passed, points]), plans)
+
+
+def motion_of(run: AnyRun, obstacles: ArrayLike = (), waypoints: ArrayLike = ()) -> Motion:
     """Return the motion of a craft from a run.
 
     True signals (``true_x``) of a scenario are preferred to measured ones, and states of a closed loop
@@ -96,10 +141,14 @@ def motion_of(run: AnyRun) -> Motion:
         if key not in POSE and np.isfinite(row).any():
             taken[key] = _filled(time, row, at, held=key not in (*VELOCITY, *np.ravel(REFERENCES)))
     pair = next((pair for pair in REFERENCES if set(pair) <= set(taken)), None)
+    reference = {} if pair is None else dict(zip("xy", (taken[k] for k in pair), strict=True))
+    follows = pair == REFERENCES[0] and {"error_x", "error_y"} <= set(taken)
     return Motion(
         name, at, x, y, np.unwrap(psi),
         velocities={k: v for k in VELOCITY if (v := _found(columns, taken, k)) is not None},
-        reference={} if pair is None else dict(zip("xy", (taken[k] for k in pair), strict=True)),
+        reference=reference,
+        tracked={k: reference[k] + taken[f"error_{k}"] for k in "xy"} if follows else {},
+        scenery=scenery_of(run, obstacles, waypoints),
         goal=pair == REFERENCES[1],
         commands=taken,
         model=run.scenario.plant if isinstance(run, Run) and isinstance(run.scenario.plant, Model) else None,

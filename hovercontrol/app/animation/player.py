@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.app.animation.craft import MARGIN, Craft
+from hovercontrol.app.animation.frames import extent
 from hovercontrol.app.animation.motion import Motion
 
 TEMPLATE = Path(__file__).with_name("player.html")
@@ -38,7 +39,7 @@ def page(motion: Motion, craft: Craft, step: float, speed: float, *, trail: bool
     trail : bool
         Whether the past path is drawn.
     """
-    x, y = (np.concatenate([getattr(motion, k), motion.reference.get(k, [])]) for k in "xy")
+    x, y = extent(motion)
     edge = MARGIN * craft.length
     units = {"u": "m/s", "v": "m/s", "r": "rad/s"}
     target = [_row(motion.reference[k]) for k in "xy"] if motion.reference else None
@@ -61,6 +62,10 @@ def page(motion: Motion, craft: Craft, step: float, speed: float, *, trail: bool
         "line": None if motion.goal else target,
         "goal": motion.goal,
         "trail": trail,
+        "point": [_row(motion.tracked[k]) for k in "xy"] if motion.tracked else None,
+        "obstacles": motion.scenery.obstacles.tolist(),
+        "waypoints": motion.scenery.waypoints.tolist(),
+        "plans": [_row(plan.T) for plan in motion.scenery.plans],
     }
     text = TEMPLATE.read_text(encoding="utf-8")
     numbers = json.dumps(data, separators=(",", ":"), allow_nan=False)
@@ -89,6 +94,6 @@ def framed(text: str) -> str:
     return f'<iframe srcdoc="{escape(text)}" sandbox="allow-scripts" style="{style}"></iframe>'
 
 
-def _row(values: ArrayLike) -> list[float]:
+def _row(values: ArrayLike) -> list[Any]:
     found: NDArray[np.float64] = np.round(np.asarray(values, dtype=float), DIGITS)
     return (found + 0.0).tolist()

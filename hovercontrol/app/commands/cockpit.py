@@ -67,7 +67,7 @@ def cockpit(
     except ModuleNotFoundError as error:
         if error.name != "aiohttp":
             raise
-        raise InputError("cockpit: needs aiohttp: pip install 'hovercontrol[cockpit]'") from None
+        raise InputError("cockpit: needs aiohttp: pip install '.[cockpit]'") from None
     import asyncio
 
     from hovercontrol.app.cockpit.loops import loop_of

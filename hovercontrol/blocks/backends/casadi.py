@@ -100,7 +100,7 @@ def import_casadi() -> Any:
     try:
         import casadi
     except ImportError:
-        raise InputError('CasADi is not installed: pip install "hovercontrol[mpc]"') from None
+        raise InputError('CasADi is not installed: pip install ".[mpc]"') from None
     return casadi
 
 

@@ -92,7 +92,7 @@ def find_compiler() -> tuple[str, ...]:
             return (os.path.abspath(path), *command[1:])
     if chosen:
         raise NoCompilerError(f"the C compiler of $CC, {shlex.join(chosen)!r}, does not run")
-    raise NoCompilerError("no C compiler: neither cc, gcc nor clang, nor ziglang of hovercontrol[fmu]")
+    raise NoCompilerError("no C compiler: neither cc, gcc nor clang, nor ziglang (pip install '.[fmu]')")
 
 
 def _candidates() -> Iterator[tuple[str, ...]]:

@@ -142,7 +142,7 @@ def engine_of(block: Block, friction: Friction, whole: bool = True, lanes: bool 
 def _warn_once(reason: str) -> None:
     warnings.warn(
         f"{reason}: compiled Blocks run on NumPy, some thousand times slower and with smoothed friction; "
-        "install a C compiler or pip install 'hovercontrol[fmu]'",
+        "install a C compiler or pip install '.[fmu]'",
         stacklevel=5,
     )
 

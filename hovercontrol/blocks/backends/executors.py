@@ -132,7 +132,7 @@ def sweep_on(
 
 @contextmanager
 def cluster(address: str, timeout: float = 10.0) -> Iterator[Executor]:
-    """Connect to a Dask cluster as an executor; needs ``pip install 'hovercontrol[cluster]'``.
+    """Connect to a Dask cluster as an executor; needs ``pip install '.[cluster]'``.
 
     Parameters
     ----------
@@ -150,7 +150,7 @@ def cluster(address: str, timeout: float = 10.0) -> Iterator[Executor]:
     try:
         distributed = importlib.import_module("distributed")
     except ImportError:
-        raise InputError("a cluster needs Dask: pip install 'hovercontrol[cluster]'") from None
+        raise InputError("a cluster needs Dask: pip install '.[cluster]'") from None
     with ThreadPoolExecutor(1) as apart:  # the caller may have an event loop of its own
         apart.submit(asyncio.run, _answers(distributed, address, timeout)).result()
     with distributed.Client(address, timeout=timeout, set_as_default=False) as client:

@@ -42,7 +42,7 @@ def to_gym(
 ) -> Any:
     """Return a Block as a ``gymnasium.Env``, or many as a ``gymnasium.vector.VectorEnv``.
 
-    ``block.gym(...)`` does the same. Needs ``pip install "hovercontrol[rl]"``.
+    ``block.gym(...)`` does the same. Needs ``pip install ".[rl]"``.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ def to_gym(
     try:
         import gymnasium
     except ImportError:
-        raise InputError('an environment needs Gymnasium: pip install "hovercontrol[rl]"') from None
+        raise InputError('an environment needs Gymnasium: pip install ".[rl]"') from None
     from hovercontrol.blocks.backends.gym_env import SingleSteps
     from hovercontrol.blocks.backends.gym_vector import LaneSteps, RunnerSteps
 

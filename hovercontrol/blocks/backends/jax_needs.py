@@ -23,6 +23,6 @@ def need_jax() -> ModuleType:
         import jax
         import jax.numpy
     except ImportError:
-        raise InputError('a Block in JAX needs JAX: pip install "hovercontrol[jax]"') from None
+        raise InputError('a Block in JAX needs JAX: pip install ".[jax]"') from None
     jax.config.update("jax_enable_x64", True)
     return jax.numpy

@@ -256,9 +256,7 @@ def need_diffrax() -> Any:
     try:
         import diffrax
     except ImportError:
-        raise InputError(
-            'method "dormand-prince" in JAX needs Diffrax: pip install "hovercontrol[jax]"'
-        ) from None
+        raise InputError('method "dormand-prince" in JAX needs Diffrax: pip install ".[jax]"') from None
     return diffrax
 
 

@@ -71,11 +71,11 @@ class Bode:
             said = f"gain margin {m.gain_up:.4g}, phase margin {m.phase:.4g} deg at {m.crossover:.4g} rad/s"
         return f"<Bode{f' at {self.wire}' if self.wire else ''}: {said}>"
 
-    def plot(self) -> Figure:
-        """Return the Bode plot of L with its gain and phase margins."""
+    def plot(self, *, db: bool = True) -> Figure:
+        """Return the Bode plot of L with its margins; the magnitude is in dB, or without `db` a ratio."""
         from hovercontrol.control.analysis.frequency_plots import bode_figure
 
-        return open_in_pyplot(bode_figure(self))
+        return open_in_pyplot(bode_figure(self, db=db))
 
 
 @checked

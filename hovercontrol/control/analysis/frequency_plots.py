@@ -21,9 +21,9 @@ if TYPE_CHECKING:
 LARGEST = 4.0
 
 
-def bode_figure(found: Bode) -> Figure:
+def bode_figure(found: Bode, *, db: bool = True) -> Figure:
     """Return magnitude and phase of L over frequency, with gain and phase margin."""
-    return loop_figure(found.gain, found.margins, found.frequencies, found.wire)
+    return loop_figure(found.gain, found.margins, found.frequencies, found.wire, db=db)
 
 
 def loop_figure(
@@ -31,13 +31,15 @@ def loop_figure(
     margins: Margins,
     frequencies: NDArray[np.float64] | None = None,
     wire: str = "",
+    *,
+    db: bool = True,
 ) -> Figure:
     """Return the Bode plot of a loop gain, at python-control's frequencies where none are given."""
     figure = Figure(figsize=(7.0, 5.4), layout="constrained")
     axes = figure.subplots(2, 1, sharex=True).reshape(2, 1)
-    control.bode_plot(gain, frequencies, ax=axes, display_margins=margins.stable, color=BLUE)
+    control.bode_plot(gain, frequencies, ax=axes, display_margins=margins.stable, color=BLUE, dB=db)
     axes[0, 0].set_title("")
-    axes[0, 0].set_ylabel("magnitude [1]")
+    axes[0, 0].set_ylabel(f"magnitude [{'dB' if db else '1'}]")
     axes[1, 0].set_ylabel("phase [deg]")
     axes[1, 0].set_xlabel("frequency [rad/s]")
     figure.suptitle(f"Loop gain{_at(wire)}{_margins_text(margins)}", fontsize="medium")
@@ -68,7 +70,7 @@ def nyquist_figure(found: Nyquist) -> Figure:
     return figure
 
 
-def sensitivity_figure(found: Sensitivity) -> Figure:
+def sensitivity_figure(found: Sensitivity, *, db: bool = True) -> Figure:
     """Return the sizes of S and T over frequency, their peaks marked."""
     figure = Figure(figsize=(7.0, 4.0), layout="constrained")
     axis = figure.subplots()
@@ -83,13 +85,14 @@ def sensitivity_figure(found: Sensitivity) -> Figure:
             found.frequencies,
             ax=np.array([[axis]]),
             plot_phase=False,
+            dB=db,
             color=color,
             label=text,
             show_legend=False,
         )
         if 0.0 < where < math.inf:
-            axis.plot(where, peak, "o", color=color, ms=5)
-    axis.set_ylabel("size [1]")
+            axis.plot(where, 20 * math.log10(peak) if db else peak, "o", color=color, ms=5)
+    axis.set_ylabel(f"size [{'dB' if db else '1'}]")
     axis.set_xlabel("frequency [rad/s]")
     axis.legend(frameon=False)
     unstable = "" if math.isfinite(found.Ms) else ": the loop is unstable"

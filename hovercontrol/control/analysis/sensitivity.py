@@ -93,11 +93,11 @@ class Sensitivity:
         """L/(1 + L) at the frequencies, complex, shape (n,) [1]."""
         return 1 - self.S
 
-    def plot(self) -> Figure:
-        """Return the sizes of S and T over frequency, their peaks marked."""
+    def plot(self, *, db: bool = True) -> Figure:
+        """Return the sizes of S and T over frequency in dB, or without `db` as ratios, their peaks marked."""
         from hovercontrol.control.analysis.frequency_plots import sensitivity_figure
 
-        return open_in_pyplot(sensitivity_figure(self))
+        return open_in_pyplot(sensitivity_figure(self, db=db))
 
 
 @checked

@@ -44,11 +44,17 @@ class ControlledResponse(Response):
         How near each waypoint was passed; empty without waypoints.
     status : str
         ``"reached"``, ``"on the way"``, or what was not reached and by how much.
+    obstacles : ndarray, shape (n, 3)
+        x, y and radius [m].
+    plans : ndarray, shape (samples, horizon + 1, 2)
+        The predicted positions at each sample [m]; empty for a plant without a position.
     """
 
     failures: tuple[float, ...]
     waypoints: tuple[Passed, ...]
     status: str
+    obstacles: Array
+    plans: Array
 
     @property
     def reached(self) -> bool:

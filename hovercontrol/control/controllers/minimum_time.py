@@ -118,7 +118,7 @@ def minimum_time(
     Raises
     ------
     InputError
-        If CasADi is not installed (``pip install "hovercontrol[mpc]"``), the plant has parts that tick or its
+        If CasADi is not installed (``pip install ".[mpc]"``), the plant has parts that tick or its
         inputs are delayed, a name is unknown, a number is out of range, an input has no limits, a point lies
         within an obstacle, or no manoeuvre is found.
 

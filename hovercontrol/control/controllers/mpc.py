@@ -117,7 +117,7 @@ def mpc(
     Raises
     ------
     InputError
-        If CasADi is not installed (``pip install "hovercontrol[mpc]"``), the plant has parts that tick, its
+        If CasADi is not installed (``pip install ".[mpc]"``), the plant has parts that tick, its
         inputs are delayed, a name is unknown, a number is out of range, weights are missing, or a waypoint
         lies within an obstacle.
 

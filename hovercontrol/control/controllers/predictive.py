@@ -332,16 +332,18 @@ class MPC:
         truth = plant if plant is not None else self.plant
         motion = Motion(f"{self.name}: period", truth, x0, period, rows)
         self.reset()
-        given, errors, notes = self._reference(reference), [], {}
+        given, errors, notes, plans = self._reference(reference), [], {}, []
         for k in range(periods):
             now = motion.state
             command, self._memory, note = self._solve(self._memory, now, given)
+            plans.append(self._memory.w[self.problem.states][:, list(self.stage.position)])
             if note:
                 notes[k * period] = note
             if not self._way:
                 errors.append(self._references(0.0, now, given)[1][:, 0] - now[self._every])
             motion.hold(command)
         found = motion.response()
+        found.obstacles, found.plans = np.reshape(self.stage.obstacles, (-1, 3)), np.array(plans)
         self._judge(found, np.array(errors), notes)
         return found
 

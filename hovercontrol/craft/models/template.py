@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from hovercontrol.base.errors import InputError, check_known
-from hovercontrol.craft.effects import Effect, Shape
+from hovercontrol.craft.effects import Effect, Shape, effect
 from hovercontrol.craft.effects.base import resolved_unit
 from hovercontrol.craft.models.fans import Fan
 from hovercontrol.craft.models.model import Model
@@ -21,8 +21,9 @@ _HEAD = """\
 # A model of a craft with {what}: planar rigid-body motion plus the effects below.
 # Body frame: surge u forward, sway v to the left, yaw rate r counter-clockwise. All numbers are in SI units,
 # or say their unit: yaw_linear_drag = {{value = 27.5, unit = "deg/s^2/(rad/s)"}}. Coefficients are per mass
-# and inertia: of a craft of 2 kg, drag of 0.6 N per m/s is 0.6 / 2 = 0.3 1/s, and thrust in newton (its unit
-# "N") counts 1 / 2 = 0.5. The numbers here are those of {of}; put yours, or let a log tell them:
+# and inertia: of a craft of 2 kg, drag of 0.6 N per m/s is 0.6 / 2 = 0.3 1/s. With the mass under [plant] it
+# may be given as a force: surge_linear_drag = {{value = 0.6, unit = "N*s/m"}}.
+# The numbers here are those of {of}; put yours, or let a log tell them:
 #
 #     hovercontrol simulate {file}                     # drive it: a log and pictures
 #     hovercontrol check run.csv --model {file}        # is the log good, and what can it show?
@@ -35,6 +36,7 @@ _HEAD = """\
 
 [plant]
 name = "{name}"
+{mass}# inertia = 0.01                      # [kg m^2], about the vertical axis: torques may be in N m
 """
 
 _INPUTS = """
@@ -71,7 +73,7 @@ import hovercontrol as hc
 position = hc.Signal("position", "m", "of the trolley on its rail")
 velocity = hc.Signal("velocity", "m/s", "of the trolley")
 force = hc.Signal("force", "N", "commanded to the motor", lower=-150.0, upper=150.0)
-mass = hc.Signal("mass", "kg", "of the trolley", start=50.0)
+mass = hc.Signal("mass", "kg", "of the trolley", start={mass!r})
 drag = hc.Signal("drag", "1/s", "drag in proportion to the velocity", start=0.4, lower=0.0)
 
 # ---- equations: the time derivative of each state, as SymPy expressions of the signals' symbols
@@ -94,7 +96,7 @@ MODEL = hc.BlockModel(BLOCK)
 '''
 
 
-def template(kind: str, name: str, file: str) -> str:
+def template(kind: str, name: str, file: str, mass: float | None = None) -> str:
     """Return the text of a template of a model file.
 
     Parameters
@@ -105,6 +107,8 @@ def template(kind: str, name: str, file: str) -> str:
         Name of the craft or Block, an identifier.
     file : str
         The file's name, for the commands in its first comment.
+    mass : float, optional
+        [kg]
 
     Raises
     ------
@@ -120,15 +124,18 @@ def template(kind: str, name: str, file: str) -> str:
     if not name.isidentifier():
         raise InputError(f"{name!r} is not a valid model name; use letters, digits and _, a letter first")
     if kind == "block":
-        return _BLOCK.format(name=name, file=file, stem=file.removesuffix(".py"))
+        return _BLOCK.format(name=name, file=file, stem=file.removesuffix(".py"), mass=mass or 50.0)
     craft = c17_experiment() if kind == "rudder" else four_fan()
+    if mass and kind == "fan":
+        craft = craft.with_effects([effect("fan_force", 1 / mass)])
     what = "a propeller and a rudder" if kind == "rudder" else "fixed fans"
     inputs = "thrust, rudder" if kind == "rudder" else ", ".join(f.name for f in craft.fans)
     of = {
         "rudder": "C17's Ikarus, 0.585 kg",
         "fan": "a craft of 0.18 kg",
     }[kind]
-    lines = [_HEAD.format(what=what, of=of, file=file, name=name, inputs=inputs)]
+    given = f"{'' if mass else '# '}mass = {mass or 0.585!r}".ljust(COMMENT) + "# [kg]: forces may be in N\n"
+    lines = [_HEAD.format(what=what, of=of, file=file, name=name, inputs=inputs, mass=given)]
     if kind == "rudder":
         lines.append(_INPUTS)
     lines += ["\n[effects]\n", *(_line(type(e), craft, dict(e.values)) for e in craft.effects)]

@@ -156,7 +156,7 @@ def build_binary(
         try:
             system = find_compiler()
         except NoCompilerError as error:
-            raise InputError(f"{error}; pip install 'hovercontrol[fmu]' brings one") from None
+            raise InputError(f"{error}; pip install '.[fmu]' brings one") from None
         if system != zig:
             try:
                 made = _built(name, files, system, (), wanted, libraries)
@@ -166,7 +166,7 @@ def build_binary(
                 if zig is None:
                     raise InputError(str(error)) from None
     if zig is None:
-        raise InputError(f"binaries for {wanted.name} need ziglang: pip install 'hovercontrol[fmu]'")
+        raise InputError(f"binaries for {wanted.name} need ziglang: pip install '.[fmu]'")
     try:
         return _built(name, files, zig, ("-target", wanted.target), wanted, libraries)
     except NoCompilerError as error:

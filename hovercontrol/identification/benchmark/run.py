@@ -42,7 +42,7 @@ def score_case(name: str, tool: str) -> Row:
             spent = time.perf_counter() - begin
             score = score_answer(case, answer)
         except InputError as failed:
-            if 'pip install "hovercontrol[' in str(failed):
+            if 'pip install ".[' in str(failed):
                 raise
             error = str(failed)
         except Exception as failed:  # of a tool that is not ours: anything

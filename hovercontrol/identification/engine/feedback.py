@@ -31,9 +31,7 @@ def fed_back(fit: Fit, level: float) -> bool:
     # Regression of an input u on its past, residual v, then of v on innovations e up to the same row: with
     # R^2 of the latter, N R^2 is chi-square distributed if only its own past tells of u (Lagrange multiplier
     # form of the test of Granger, Econometrica 37 (1969)).
-    problem = fit.problem
-    white = run_filter(augment(problem, fit.linear, fit.noise, unknowns=False), rows=True).white[..., 0]
-    pieces = [_piece(fit, white, int(n)) for n in np.unique(problem.rows.piece)]
+    problem, pieces = fit.problem, pieces_of(fit)
     for i in range(len(problem.block.inputs)):
         own, past, errors = (
             np.concatenate([part for part in parts if len(part)] or [np.zeros((0, 1))])
@@ -51,8 +49,13 @@ def fed_back(fit: Fit, level: float) -> bool:
     return False
 
 
+def pieces_of(fit: Fit) -> list[tuple[Array, Array]]:
+    """Return the inputs (n_inputs, N) and whitened innovations (N, C) of each unbroken piece, by row."""
+    white = run_filter(augment(fit.problem, fit.linear, fit.noise, unknowns=False), rows=True).white[..., 0]
+    return [_piece(fit, white, int(n)) for n in np.unique(fit.problem.rows.piece)]
+
+
 def _piece(fit: Fit, white: Array, number: int) -> tuple[Array, Array]:
-    """Return the inputs (n_inputs, N) and the innovations (N, C) of an unbroken piece of a log, by row."""
     rows = fit.problem.rows
     own = np.flatnonzero(rows.piece == number)
     at = rows.at[:, own].T.ravel()

@@ -30,7 +30,7 @@ def plot_free_run(run: FreeRun, *, held_out: bool = False) -> Figure:
 
     The pose is on the left and the velocities are on the right. The measurement is a broad grey line, so
     that both curves are visible where they agree. Spans that the smoother rejected are shaded, and the error
-    is printed above each axis.
+    is printed above each axis, beside the fit in % as MATLAB's ``compare`` prints it.
 
     Parameters
     ----------
@@ -98,7 +98,8 @@ def _draw(axis: Axes, run: FreeRun, channel: str) -> None:
             label="no motion, left out" if k == 0 else None,
         )
     axis.set_ylabel(f"{channel} [{run.units[channel]}]")
-    axis.set_title(f"rms error {run.rms[channel]:.3g} {run.units[channel]}", fontsize="small", loc="right")
+    error = f"rms error {run.rms[channel]:.3g} {run.units[channel]}"
+    axis.set_title(f"{error}, fit {run.fit[channel]:.3g} %", fontsize="small", loc="right")
     axis.margins(x=0)
     axis.grid(alpha=0.3)
 

@@ -85,6 +85,11 @@ class FreeRun:
 
     __repr__ = short_repr
 
+    @property
+    def fit(self) -> Mapping[str, float]:
+        """Fit of each channel [%], as MATLAB's ``compare`` prints it: 100 (1 - nrmse)."""
+        return {channel: 100 * (1 - error) for channel, error in self.nrmse.items()}
+
     def plot(self) -> Figure:
         """Return a figure of the simulation over the measurement."""
         from hovercontrol.identification.identify.display import free_run_figure

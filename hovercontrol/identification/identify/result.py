@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from hovercontrol.base.arguments import at_least
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import check_known
 from hovercontrol.base.files import write_atomically
@@ -28,6 +29,8 @@ from hovercontrol.identification.engine.fit import Fit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from hovercontrol.identification.identify.residuals import Residuals
 
 
 @dataclass(frozen=True)
@@ -400,6 +403,19 @@ class Identified:
         from hovercontrol.identification.identify.display import identified_html
 
         return identified_html(self)
+
+    @checked
+    def residuals(self, lags: int = 25) -> Residuals:
+        """Return whether the errors of predictions from row to row are noise: their correlations, to plot.
+
+        Parameters
+        ----------
+        lags : int, optional
+            Rows.
+        """
+        from hovercontrol.identification.identify.residuals import residuals_of
+
+        return residuals_of(self.fit, at_least("residuals: lags", lags, 1))
 
     def plot(self) -> Figure:
         """Return a figure of the coefficients and their errors, with their values before the fit."""

@@ -211,5 +211,5 @@ def library(file: Path, module: str, what: str, extra: str = "logs", package: st
     except ImportError as error:
         raise InputError(
             f"{file}: reading {what} needs {package or module.partition('.')[0]}: "
-            f'pip install "hovercontrol[{extra}]" ({reason(error)})'
+            f'pip install ".[{extra}]" ({reason(error)})'
         ) from None

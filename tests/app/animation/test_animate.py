@@ -105,7 +105,8 @@ def test_nothing_is_left_of_a_movie_that_fails(tmp_path, ffmpeg):
 
 def test_without_ffmpeg_the_line_says_what_else_there_is(tmp_path, monkeypatch):
     monkeypatch.setitem(mpl.rcParams, "animation.ffmpeg_path", str(tmp_path / "none"))
-    with pytest.raises(hc.InputError, match=r"turn\.mp4: an MP4 needs the program ffmpeg.*\.html or \.gif"):
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    with pytest.raises(hc.InputError, match=r"turn\.mp4: an MP4 needs ffmpeg.*\.html or \.gif"):
         animate(LOG, tmp_path / "turn.mp4")
 
 
@@ -130,7 +131,7 @@ def test_a_path_is_a_map_in_metres():
     (axes,) = figure.axes
     assert (axes.get_xlabel(), axes.get_ylabel(), axes.get_aspect()) == ("x [m]", "y [m]", 1.0)
     lines = {line.get_label(): line for line in axes.lines}
-    np.testing.assert_array_equal(lines["craft"].get_xdata(), np.sin(T))
+    np.testing.assert_array_equal(lines["centre of mass"].get_xdata(), np.sin(T))
     np.testing.assert_array_equal(lines["reference"].get_ydata(), 1.1 - np.cos(T))
     hulls = [patch.get_xy() for patch in axes.patches]
     assert len(hulls) == 9

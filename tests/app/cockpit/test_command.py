@@ -63,7 +63,7 @@ def test_without_the_web_server_it_says_what_to_install(refused, monkeypatch):
     for name in [n for n in sys.modules if n.startswith("hovercontrol.app.cockpit.")]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "aiohttp", None)
-    assert "pip install 'hovercontrol[cockpit]'" in refused()
+    assert "pip install '.[cockpit]'" in refused()
 
 
 def test_a_port_in_use_is_said_with_a_way_out(refused):

@@ -1,6 +1,7 @@
 """A new model file loads, simulates and diagnoses as it is written, and every line in it can be used."""
 
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -119,3 +120,18 @@ def test_what_is_there_is_left_as_it_is_and_wrong_words_are_named(tmp_path, monk
     assert "ends in .py" in capsys.readouterr().err
     with pytest.raises(InputError, match="'2fast' is not a valid model name"):
         template("rudder", "2fast", "2fast.toml")
+
+
+def test_without_a_file_it_asks_for_kind_file_and_mass(tmp_path, monkeypatch, capsys):
+    from hovercontrol.app.commands import new
+
+    monkeypatch.chdir(tmp_path)
+    answers = iter(["fan", "", "0.5"])
+    monkeypatch.setattr("builtins.input", lambda question: next(answers))
+    monkeypatch.setattr(new.sys, "stdin", SimpleNamespace(isatty=lambda: True))
+    assert new.new() == 0
+    craft = load_model("craft.toml")
+    assert craft.mass == 0.5 and craft.coefficients()["fan_force"] == 2.0
+    monkeypatch.setattr(new.sys, "stdin", SimpleNamespace(isatty=lambda: False))
+    with pytest.raises(InputError, match="expected the name of a file"):
+        new.new()

@@ -75,7 +75,7 @@ def answer(model: AnyModel, train: tuple[Log, ...], holdout: Log) -> Answer:
     try:
         from pysindy.optimizers import FROLS, STLSQ  # type: ignore[import-untyped]
     except ImportError:
-        raise InputError('--tool sindy needs pysindy: pip install "hovercontrol[rivals]"') from None
+        raise InputError('--tool sindy needs pysindy: pip install ".[rivals]"') from None
     block = as_model(model).plant()
     laws = library(block)
     best: dict[str, tuple[float, list[int], list[Residuals]]] = {}
