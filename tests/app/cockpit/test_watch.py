@@ -113,7 +113,7 @@ def flown():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("key", [None, "slope", "surge_coulomb", "rudder_offset", "yaw_coulomb"])
+@pytest.mark.parametrize("key", [None, "slope", "yaw_coulomb"])
 def test_what_is_switched_on_is_named_with_its_size(flown, key):
     loop, watch = flown
     loop.command(law="manual", disturbances=dict.fromkeys(loop.disturbances))
@@ -135,7 +135,7 @@ def test_what_is_switched_on_is_named_with_its_size(flown, key):
         assert alarms == []
         return
     (alarm,) = alarms
-    true = {"slope": ("slope_y", -0.1), "surge_coulomb": (key, 0.1), "rudder_offset": (key, np.radians(5))}
+    true = {"slope": ("slope_y", -0.1)}
     name, size = true.get(key, (key, 0.8))
     assert name in {alarm["name"], *alarm["rivals"]} and alarm["name"] == name
     assert abs(alarm["change"] - size) < 0.05 * abs(size) + 3 * alarm["std"]
