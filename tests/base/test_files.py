@@ -178,9 +178,10 @@ from hovercontrol.base import folders
 steps, place, calls = int(sys.argv[1]), sys.argv[2], 0
 
 def count(event, _):
-    global calls
+    global calls, steps
     calls += event in ("os.rename", "os.link", "os.remove", "os.rmdir", "os.chmod", "ctypes.call_function")
     if calls > steps:
+        steps = sys.maxsize  # to end it is an event, too
         os.kill(os.getpid(), signal.SIGKILL)
 
 def write(folder):
