@@ -181,7 +181,7 @@ def test_a_full_device_for_the_output_is_one_line():
     assert done.stderr == "hovercontrol: the output cannot be written: No space left on device\n"
 
 
-@pytest.mark.slow("2")
+@pytest.mark.slow
 @pytest.mark.parametrize("stream", [1, 2])
 def test_a_closed_output_is_no_fault(stream, tmp_path):
     words = f'exec "$0" -m hovercontrol simulate sample --out out {stream}>&-'

@@ -79,7 +79,7 @@ def test_what_a_file_does_is_refused_in_one_line_that_names_it(call, tmp_path, n
     assert sys.path == before and [p.name for p in tmp_path.iterdir() if p.suffix] == ["model.py"]
 
 
-@pytest.mark.slow(*(f"[{name}]" for name in MENDED if name != "descriptor"))
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MENDED)
 def test_what_a_file_breaks_is_mended(tmp_path, name):
     """In a process of its own, as what it closes is the test's own otherwise."""

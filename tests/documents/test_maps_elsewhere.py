@@ -35,7 +35,7 @@ def assert_same(one, other):
         }
 
 
-@pytest.mark.slow("arms", "reverse")
+@pytest.mark.slow("arms", "reverse", "gains")
 @pytest.mark.parametrize("name", MAPS)
 def test_a_map_on_an_executor_has_the_bits_of_one_machine_and_resumes(name, tmp_path):
     region, small = MAPS[name]

@@ -113,6 +113,7 @@ def test_the_map_of_ellipses_has_the_numbers_of_each_and_is_as_good_along_x_as_a
     assert np.diag(region["worst"]).min() > 10 * region["worst"][2, 0]  # circles
 
 
+@pytest.mark.slow
 def test_limits_are_those_of_the_commands_that_the_reference_needs(found, region):
     _, s = motion(c17_ellipse(), 4 * math.pi)
     assert found.thrust[0] == pytest.approx([s["thrust"].min(), s["thrust"].max()], abs=1e-3)

@@ -151,6 +151,7 @@ def test_the_ideal_proportional_law_keeps_a_steady_state_error(proportional, ban
     assert modes.tolist() == [1, 0, 1]  # it turns, stops, drifts off, and may turn again only much later
 
 
+@pytest.mark.slow
 def test_while_it_turns_the_proportional_law_stays_below_the_unwanted_level(proportional):
     _, c = proportional
     goal = c["yaw_rate_ref"]

@@ -97,6 +97,7 @@ def test_at_rest_it_bears_twice_the_tolerance():
     assert tick(block, x=0.31)[0] == "halt"
 
 
+@pytest.mark.slow("goal1")
 @pytest.mark.parametrize("goal", [(3.0, 2.0, 1.5), (-2.0, 1.0, 3.0)])
 def test_the_ideal_craft_comes_to_its_goal(goal):
     law = [origin(period=0.005), drive(k1=8.0, k2=4.0), force_to_command()]

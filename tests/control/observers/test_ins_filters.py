@@ -202,6 +202,7 @@ def test_coupled_filter_is_the_extended_kalman_filter(rng):
     assert_same_filter(simulate_runs(block, data), *ekf_by_hand(data, noise, measurements, x, P))
 
 
+@pytest.mark.slow("cone")
 @pytest.mark.parametrize("cone", [None, (0.0032, -0.038)], ids=["plain", "cone"])
 def test_range_filter_is_the_extended_kalman_filter(rng, cone):
     """Two units that take turns, three beacons, a common bias; K06's cone-angle error (5.7) or none."""

@@ -255,6 +255,7 @@ def test_k06s_actuators_bring_the_craft_to_rest_as_table_6_1_says(real):
     assert np.abs(c["r"][time < 2]).max() > 3
 
 
+@pytest.mark.slow
 def test_forces_stay_within_what_the_actuators_can(real):
     _, c = real
     assert c["thrust"].max() <= 1.95 and c["thrust"].min() >= -0.91  # 1.35 * 1.44 N and (4.4) at 12 000 RPM

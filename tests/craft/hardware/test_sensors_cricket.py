@@ -59,6 +59,7 @@ def test_each_unit_has_its_slot_once_a_second(latency):
     assert told["range_unit"][latency : latency + 3].tolist() == [1, 2, 0]
 
 
+@pytest.mark.slow
 def test_without_errors_the_fixes_are_where_the_units_are():
     psi = 0.7
     told = still(system(), 12, psi=psi)

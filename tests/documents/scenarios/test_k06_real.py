@@ -119,6 +119,7 @@ def test_the_log_is_that_of_the_navigation(heading, tmp_path):
     assert (tmp_path / "comparison.png").stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_the_picture_shows_reference_real_and_ideal(heading):
     drawn = figures(heading)["comparison"]
     assert [axes.get_ylabel().split()[-1] for axes in drawn.axes] == ["[m/s]", "[m/s]", "[rad/s]", "[deg]"]

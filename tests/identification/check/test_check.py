@@ -138,6 +138,7 @@ def test_it_is_json_and_a_picture(checked, tmp_path):
     assert pytest.approx(1.0) == headings.U**2 + headings.V**2
 
 
+@pytest.mark.slow
 def test_the_command_prints_json_alone_and_reads_two_files(log, tmp_path, capsys, monkeypatch):
     pose = Log("pose", log.time, {k: log[k] for k in ("x", "y", "psi")})
     sent = log.select(slice(None, None, 3))

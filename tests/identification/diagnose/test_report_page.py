@@ -122,6 +122,7 @@ def test_a_page_can_be_read_at_any_width_and_in_any_light(request, verdict, dark
     looked_at(request.getfixturevalue(verdict), look, dark=dark)
 
 
+@pytest.mark.slow
 @browsed
 def test_on_a_phone_nothing_that_matters_is_cut(report):
     async def look(page):
