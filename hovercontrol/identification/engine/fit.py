@@ -120,8 +120,6 @@ class Fit:
         Estimated states.
     noise : Noise
     prior : Prior
-    linear : Linear
-        Linearisation about the path.
     cost : float
         Minus twice the sum of log likelihood and log prior, up to a constant.
     block_costs : ndarray, shape (B,)
@@ -148,7 +146,6 @@ class Fit:
     path: Array
     noise: Noise
     prior: Prior
-    linear: Linear
     cost: float
     block_costs: Array
     S: Array
@@ -162,6 +159,12 @@ class Fit:
 
     def __repr__(self) -> str:
         return f"Fit of {self.problem.model.name!r}: {len(self.p)} unknowns, cost {self.cost:.6g}"
+
+    @property
+    def linear(self) -> Linear:
+        """Linearisation about the path; made anew each time, since a search keeps many fits."""
+        with np.errstate(all="ignore"):
+            return self.problem.linearise(self.path, self.p, unknowns=self.S.shape[-1] > 0)
 
     @property
     def model(self):  # type: ignore[no-untyped-def]
@@ -478,7 +481,7 @@ class _Iteration:
         end = n + len(problem.driven)
         drift = (now.system.H[..., end:] @ smooth.state[..., end:, None])[..., 0]
         return Fit(
-            problem, now.p, now.path, self.noise, self.prior, now.linear, now.cost,
+            problem, now.p, now.path, self.noise, self.prior, now.cost,
             rows.by_block(now.block_costs), rows.by_block(S), rows.by_block(g),
             smooth.state[..., n:end], drift, smooth.variance, residuals(problem, now), converged,
         )  # fmt: skip

@@ -121,7 +121,7 @@ class _Equation:
         # a law that the model already has would change its coefficient
         have = {e.name for e in model.effects}
         laws = [e for e in laws if e.name not in have]
-        self.fit, self.equation, self.along = fit, equation, Along(fit)
+        self.fit, self.equation, self.along, self.linear = fit, equation, Along(fit), fit.linear
         self.values = {
             e.product[0].signal: form
             for e, form in zip(laws, self.along.forms(laws), strict=True)
@@ -130,7 +130,7 @@ class _Equation:
 
     def result(self) -> Yardstick:
         """Return the best functions of one, two or three signals."""
-        alone = {n: self._gain([self._hats(n, KNOTS)]) for n in self.values}
+        alone = {n: self._gain([self._carried(self._hats(n, KNOTS))]) for n in self.values}
         if not alone:
             return Yardstick(f"{self.equation}'", (), 0.0, np.zeros(0), np.zeros(0), np.zeros(0))
         order = sorted(alone, key=lambda n: -alone[n][0])[:TOGETHER]
@@ -138,9 +138,10 @@ class _Equation:
         few = {n: self._hats(n, KNOTS_OF_MORE) for n in order}
         for a, b in itertools.combinations(order, 2):
             both = (few[a][:, None] * few[b][None]).reshape(-1, *few[a].shape[1:])
-            gains[a, b] = self._gain([both])[0]
+            gains[a, b] = self._gain([self._carried(both)])[0]
+        carried = {n: self._carried(terms) for n, terms in few.items()}
         for three in itertools.combinations(order, 3):
-            gains[three] = self._gain([few[n] for n in three])[0]
+            gains[three] = self._gain([carried[n] for n in three])[0]
         best = max(gains, key=lambda names: gains[names])
         _, theta, C = alone[best[0]]
         at = self._knots(best[0], KNOTS)
@@ -155,6 +156,10 @@ class _Equation:
     def _hats(self, name: str, count: int) -> Array:
         return hats(self.values[name], self._knots(name, count))
 
+    def _carried(self, terms: Array) -> Array:
+        """Return what rates of the equation add to the free states from row to row, (k, K-1, W, n)."""
+        return np.stack([self.along.carried(self.equation, one) for one in terms])
+
     def _gain(self, groups: Sequence[Array]) -> tuple[float, Array, Array]:
         """Return the gain on left-out blocks of functions, their coefficients and covariance.
 
@@ -162,8 +167,8 @@ class _Equation:
         """
         fit = self.fit
         terms = np.concatenate(groups)
-        drive = np.moveaxis(np.stack([self.along.carried(self.equation, one) for one in terms]), 0, -1)
-        system = augment(fit.problem, fit.linear, fit.noise, more=[(drive, None)])
+        more = [(np.moveaxis(terms, 0, -1), None)]
+        system = augment(fit.problem, self.linear, fit.noise, more=more)
         every = fit.problem.rows.by_block(run_filter(system).products)
         G, f = every[:, 1:, 1:], -every[:, 1:, 0]
         P = G.shape[-1] - len(terms)  # the model's unknowns; none of a fit with fixed coefficients

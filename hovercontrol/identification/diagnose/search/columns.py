@@ -48,8 +48,8 @@ def columns(fit: Fit, tried: Sequence[Candidate]) -> tuple[list[Columns], list[t
     shown = [k for k, (_, e) in enumerate(parts) if e is not None and _is_shown(problem, e)]
     order = [*(k for k in range(len(parts)) if k not in set(shown)), *shown]
     # each column is contiguous in memory
-    drive = np.zeros((len(parts) - len(shown), *fit.linear.defect.shape))
-    seen = np.zeros((len(shown), *fit.linear.residual.shape))
+    drive = np.zeros((len(parts) - len(shown), *problem.dt.shape, len(problem.free)))
+    seen = np.zeros((len(shown), *problem.seen.shape))
     own: list[list[int]] = [[] for _ in tried]
     runs = Along(fit)
     forms = runs.forcing_of_forms([c.trial for c in tried if c.trial.equation])
