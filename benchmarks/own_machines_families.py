@@ -7,7 +7,7 @@ shares no code with the package.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import sympy as sp
@@ -17,6 +17,8 @@ import hovercontrol as hc
 
 Array = NDArray[np.float64]
 Values = Mapping[str, float]
+#: Feedback ``law(y, memory, r)`` of measured values and the reference; returns the input and the new memory.
+Law = Callable[[Array, Array, float], tuple[Array, Array]]
 
 #: Number of sub-steps of the simulation from row to row.
 PARTS = 10
@@ -46,12 +48,15 @@ class Family:
         Process noise of states [unit of the rate times root of s].
     start : tuple of float
     law : callable, optional
-        Feedback ``law(y, memory, r)`` of measured values and the reference; returns the input and the new
-        memory.
+        Feedback.
     period : bool
         Whether the equations are next values.
-    friction : tuple of str
-        State with a force, and the input that hidden effects change.
+    offset : float
+        Mean of the input.
+    stable : bool
+        Whether the machine is stable without its law.
+    known : mapping of str to (float, str)
+        Value and unit of parameters that are not fitted.
     """
 
     name: str
@@ -66,10 +71,36 @@ class Family:
     noise: float = 0.01
     pushed: Mapping[str, float] = field(default_factory=dict)
     start: tuple[float, ...] = ()
-    law: Callable[[Array, Array, float], tuple[Array, Array]] | None = None
+    law: Law | None = None
     period: bool = False
     offset: float = 0.0
     stable: bool = True
+    known: Mapping[str, tuple[float, str]] = field(default_factory=dict)
+
+    def rate(self, x: Array, u: Array, p: Values) -> Array:
+        """Return the derivatives, or the mean ones over a period."""
+        found = self.slopes(x, u, p)
+        return (found - x) / self.step if self.period else found
+
+    def under(self, law: Law, size: float, **more: object) -> Family:
+        """Return the family under feedback; `size` is that of the reference."""
+        new = {"name": f"{self.name} under feedback", "law": law, "size": size, "offset": 0.0, **more}
+        return replace(self, **new)  # type: ignore[arg-type]
+
+    @property
+    def sampled(self) -> Family:
+        """The family with next values ``x + period f(x, u)``."""
+        names, f, slopes = list(self.states), self.equations, self.slopes
+
+        def following(period: sp.Symbol, **of: sp.Symbol) -> dict[str, sp.Expr]:
+            return {name: of[name] + period * e for name, e in f(**of).items()}
+
+        return replace(
+            self, name=f"sampled {self.name}", equations=following, period=True,
+            known={**self.known, "period": (self.step, "s")},
+            slopes=lambda x, u, p: x + self.step * slopes(x, u, p),
+            pushed={name: self.step**0.5 * self.pushed[name] for name in names if name in self.pushed},
+        )  # fmt: skip
 
     def block(self, values: Values) -> hc.Block:
         """Return the Block with these values of its parameters."""
@@ -78,6 +109,7 @@ class Family:
             hc.Signal(name, unit, start=values[name], lower=0.0)
             for name, (_, unit) in self.parameters.items()
         ]
+        parameters += [hc.Signal(name, unit, start=value) for name, (value, unit) in self.known.items()]
         symbols = {s.name: s.symbol for s in (*signals.values(), *parameters)}
         own = [signals[name] for name in self.states]
         return hc.Block(
@@ -87,7 +119,7 @@ class Family:
         )  # fmt: skip
 
 
-def _pi(kp: float, ki: float, step: float, at: int) -> Callable[[Array, Array, float], tuple[Array, Array]]:
+def _pi(kp: float, ki: float, step: float, at: int) -> Law:
     def law(y: Array, memory: Array, r: float) -> tuple[Array, Array]:
         error = r - y[at]
         total = memory + step * error if memory.size else np.array([step * error])
@@ -96,9 +128,7 @@ def _pi(kp: float, ki: float, step: float, at: int) -> Callable[[Array, Array, f
     return law
 
 
-def _pd(
-    kp: float, kd: float, step: float, at: int = 0, sign: float = -1.0, about: float = 0.0
-) -> Callable[[Array, Array, float], tuple[Array, Array]]:
+def _pd(kp: float, kd: float, step: float, at: int = 0, sign: float = -1.0, about: float = 0.0) -> Law:
     """Return a law on a noisy position and its difference over one row."""
 
     def law(y: Array, memory: Array, r: float) -> tuple[Array, Array]:
@@ -163,6 +193,10 @@ def _sampled(v, i, U, a, b, g, e):  # type: ignore[no-untyped-def]
     return {"v": a * v + b * i, "i": g * i + e * U}
 
 
+def _length(q, w, M, m, l, b, g):  # type: ignore[no-untyped-def]  # noqa: E741
+    return {"q": w, "w": (M - b * w - m * g * l * sp.sin(q)) / (m * l**2)}
+
+
 MOTOR = {
     "states": {"i": "A", "w": "rad/s"}, "inputs": {"U": "V"}, "measured": ("i", "w"),
     "parameters": {"L": (0.05, "H"), "R": (1.0, "ohm"), "k": (0.1, "V*s/rad"), "J": (2e-3, "kg*m^2"),
@@ -172,7 +206,7 @@ MOTOR = {
         (u[0] - p["R"] * x[0] - p["k"] * x[1]) / p["L"], (p["k"] * x[0] - p["b"] * x[1]) / p["J"]]),
 }  # fmt: skip
 
-FAMILIES = (
+BASIC = (
     Family("cart", {"v": "m/s"}, {"F": "N"}, ("v",), {"m": (2.0, "kg"), "c": (1.0, "kg/s")}, _cart,
            lambda x, u, p: np.array([(u[0] - p["c"] * x[0]) / p["m"]]), 0.02, 3.0),
     Family("pendulum", {"q": "rad", "w": "rad/s"}, {"M": "N*m"}, ("q",),
@@ -191,7 +225,7 @@ FAMILIES = (
                x[1], (p["k"] * (x[2] - x[0]) + p["c"] * (x[3] - x[1])) / p["m"], x[3],
                p["K"] * (u[0] - x[2]) - p["k"] * (x[2] - x[0]) - p["c"] * (x[3] - x[1])]), 0.01, 0.03),
     Family("tank", {"h": "m"}, {"Q": "m^3/s"}, ("h",), {"A": (0.5, "m^2"), "s": (0.1, "m^(5/2)/s")}, _tank,
-           lambda x, u, p: np.array([(u[0] - p["s"] * np.sqrt(max(x[0], 0.0))) / p["A"]]), 0.5, 0.05,
+           lambda x, u, p: np.array([(u[0] - p["s"] * np.sqrt(np.maximum(x[0], 0.0))) / p["A"]]), 0.5, 0.05,
            pushed={"h": 2e-3}, start=(1.0,), offset=0.1),
     Family("thermal chain", {"T": "K", "S": "K"}, {"P": "W"}, ("T", "S"),
            {"C": (50.0, "J/K"), "D": (120.0, "J/K"), "g": (2.0, "W/K"), "e": (0.8, "W/K")}, _thermal,
@@ -234,4 +268,28 @@ FAMILIES = (
            {"a": (0.9, "1"), "b": (0.2, "m/s/A"), "g": (0.7, "1"), "e": (0.3, "A/V")}, _sampled,
            lambda x, u, p: np.array([p["a"] * x[0] + p["b"] * x[1], p["g"] * x[1] + p["e"] * u[0]]), 0.1, 1.0,
            pushed={"v": 0.03}, period=True, law=_pi(0.3, 0.5, 0.1, 0)),
+)  # fmt: skip
+
+_CART, _PENDULUM, _MOTOR, _DRIVE, _CAR, _TANK, _CHAIN, _BOAT, _ROBOT = BASIC[:9]
+
+#: Feedback of a tank's level and a temperature about where they are.
+_LEVEL, _HEAT = _pi(0.1, 0.01, 0.5, 0), _pi(8.0, 0.05, 2.0, 1)
+
+FAMILIES = (
+    *BASIC,
+    replace(_PENDULUM, name="pendulum with a length", equations=_length,
+            parameters={"m": (0.8, "kg"), "l": (0.5, "m"), "b": (0.1, "N*m*s")},
+            known={"g": (9.81, "m/s^2")},
+            slopes=lambda x, u, p: np.array([x[1], (u[0] - p["b"] * x[1]) / (p["m"] * p["l"] ** 2)
+                                             - 9.81 / p["l"] * np.sin(x[0])])),
+    _CART.under(_pi(4.0, 2.0, 0.02, 0), 1.0, noise=0.02, pushed={"v": 0.1}),
+    _PENDULUM.under(_pd(2.0, 0.3, 0.02), 1.0, noise=2e-3),
+    _DRIVE.under(_pi(0.05, 0.2, 0.005, 1), 10.0, noise=0.05),
+    _TANK.under(lambda y, memory, r: _LEVEL(y, memory, 1.0 + r), 0.3, noise=0.005),
+    _CHAIN.under(_HEAT, 5.0, noise=0.05),
+    _BOAT.under(lambda y, memory, r: (np.array([60.0 * (0.5 + r - y[0]), 20.0 * (r - y[1])]), memory), 0.4,
+                noise=0.01, pushed={"u": 0.02, "r": 0.02}),
+    *(f.sampled for f in (_CART, _PENDULUM, _MOTOR, _TANK, _CHAIN, _BOAT)),
+    _CART.under(_pi(4.0, 2.0, 0.02, 0), 1.0, noise=0.02, pushed={"v": 0.1}).sampled,
+    _ROBOT.sampled,
 )  # fmt: skip

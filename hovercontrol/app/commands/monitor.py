@@ -42,7 +42,7 @@ def monitor(
         str,
         typer.Option(
             help="Changes to look for, separated by commas: effects, coefficients of the model, NAME_bias of "
-            "a measured channel (default: the model's linear coefficients and biases).",
+            "a measured channel (default: a Block's parameters or a craft's linear coefficients, biases).",
             autocompletion=names.effects,
         ),
     ] = "",

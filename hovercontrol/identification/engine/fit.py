@@ -419,8 +419,9 @@ class _Iteration:
     def scored(self, prior: Prior, levels: bool) -> None:
         """Move unknowns and noise levels together to the optimum (:mod:`.scoring`), under the given prior.
 
-        Where the likelihood claims more information than the states would give if they were known, the model
-        is not linear within their uncertainty (dry friction at rest). Then the passes have the last word.
+        Where the likelihood claims more information than a linear model can have (:data:`.scoring.EXCESS`),
+        the model is not linear within the uncertainty of its states (dry friction at rest). Then the passes
+        have the last word.
         """
         before = self.problem, self.noise, self.now, self.prior
         self._believe(prior)

@@ -25,12 +25,17 @@ from hovercontrol.identification.engine.problem import Linear, Problem
 PART, LARGEST, OF_LEVELS = 1e-3, 1e-2, 1e-3
 
 
-#: Largest information of the likelihood in any direction of the unknowns, relative to that with the gains of
-#: the filter known. What is not known of the states takes information away (Orchard and Woodbury, Proc. 6th
-#: Berkeley Symp. 1 (1972)). It is at most 1.04 at an optimum for models that are linear within the errors
-#: of the states, and 1.5 on the way there, but 4 to 200 with dry friction of which logs hardly tell. It
-#: was chosen on the ships of benchmarks/own_machines.py, whose figures of ships are therefore no test of it.
-EXCESS = 3.0
+#: Largest information of the likelihood in any direction of the unknowns, relative to that with the states of
+#: the path and the gains of the filter known. It is 2 if the model is linear in its states. With G the
+#: spectrum of the signal, f = G + R that of its measurements, dG = H G + G H* the derivative by an unknown,
+#: and the path's spectrum G f^-1 G, per row (Whittle, Ark. Mat. 2 (1953))::
+#:
+#:     S = 1/2 int tr(f^-1 dG f^-1 dG) = K + Re int tr(M M) <= 2 K,    M = f^-1/2 H G f^-1/2,
+#:     K = int tr(f^-1 H (G f^-1 G) H*) = int tr(M M*)
+#:
+#: What the inputs cause adds the same to both. Dry friction of which logs hardly tell gives 4 to 200: the
+#: model is not linear within the uncertainty of its states, and the information is not there.
+EXCESS = 2.0
 
 
 @dataclass(frozen=True, eq=False)

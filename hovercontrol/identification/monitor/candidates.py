@@ -1,11 +1,11 @@
 """Candidates of a monitor: what each possible change adds to the plant's derivatives and measurements.
 
 A change of amplitude theta adds ``theta a`` to the derivatives of the states and ``theta b`` to the measured
-values. For a coefficient c that enters linearly, a = df/dc and b = dh/dc. A number of an effect that may have
-either sign (an offset of the rudder, within a sine) has its slopes at the neutral value. A number of one sign
-(a lag, a dead zone) has no slope there: a is the secant from the neutral value to a trial value,
-``a = f(s_trial) - f(s_neutral)``. theta is the part of the trial's distance from the neutral value. A
-coefficient's bounds are bounds of theta: a friction coefficient of 0.5 falls by 0.5 at most.
+values. For a coefficient c, such as a mass, a = df/dc and b = dh/dc at its present value. A number of an
+effect that may have either sign (an offset of the rudder, within a sine) has its slopes at the neutral value.
+A number of one sign (a lag, a dead zone) has no slope there: a is the secant from the neutral value to a
+trial value, ``a = f(s_trial) - f(s_neutral)``. theta is the part of the trial's distance from the neutral
+value. A coefficient's bounds are bounds of theta: a friction coefficient of 0.5 falls by 0.5 at most.
 """
 
 from __future__ import annotations
@@ -99,7 +99,7 @@ def candidates_of(
     Parameters
     ----------
     wanted : sequence of str or Effect, or None
-        None: each coefficient of the model that enters linearly, and a bias of each measured channel.
+        None: each coefficient that a fit estimates and that shows, and a bias of each measured channel.
     sizes : mapping of str to float
         Typical size of each input and state along the motion, by name.
     name : str
@@ -114,11 +114,12 @@ def candidates_of(
         channel.
     """
     plant = model.plant()
-    if wanted is None:
-        wanted = [*model.linear_coefficients(), *(f"{channel}_bias" for channel in measured)]
+    every = [*model.free_coefficients(), *(f"{channel}_bias" for channel in measured)]
     found: list[Candidate] = []
-    for one in wanted:
+    for one in every if wanted is None else wanted:
         found += _made(model, plant, one, measured, {**sizes, STEP: period}, name)
+    if wanted is None:
+        found = [c for c in found if c.rates or c.seen]
     names = [c.name for c in found]
     if not names:
         raise InputError(f"{name}: candidates: expected at least one")

@@ -86,7 +86,8 @@ def monitor(
     candidates : sequence of str or Effect, optional
         Changes to look for: names of effects that the model lacks, of the model's own coefficients, or
         ``NAME_bias`` for a bias of a measured channel. An Effect gives the trial values of its shape
-        parameters. Default: the coefficients that enter linearly, and a bias of each measured channel.
+        parameters. Default: the parameters of a Block, linear or not, or the linear coefficients of a craft,
+        and a bias of each measured channel.
     false_alarms_per_hour : float
         Wanted rate; 0.1 is one false alarm in 10 h.
     period : float

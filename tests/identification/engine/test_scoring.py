@@ -14,6 +14,7 @@ from hovercontrol.identification.engine.data import gather
 from hovercontrol.identification.engine.feedback import fed_back
 from hovercontrol.identification.engine.fit import estimate, first_noise, scored
 from hovercontrol.identification.engine.noise import Noise
+from hovercontrol.identification.engine.passes import run_pass
 from hovercontrol.identification.engine.prior import prior_of
 from hovercontrol.identification.engine.problem import LOOSE, Problem
 from hovercontrol.identification.engine.scoring import Levels, scores
@@ -91,6 +92,28 @@ def test_the_score_is_the_derivative_of_the_likelihood_of_all_measurements():
     by_hand = [(minus_log(z + e) - minus_log(z - e)) / (2 * e.max()) for e in np.diag(d)]
     size = np.sqrt(np.diag(S.sum(axis=0)))
     np.testing.assert_allclose(-g.sum(axis=0) / size, np.array(by_hand) / size, rtol=0.02, atol=0.02)
+
+
+def test_the_information_is_that_of_the_spectrum():
+    """Whittle's formulas for x' = a x + w, y = x + e; the states of the path as if known give 0.8 of it."""
+    a, q, r, n = 0.9, 0.1, 0.3, 4000
+    rng, x, y = np.random.default_rng(0), 0.0, []
+    for _ in range(n):
+        y.append(x + r * rng.normal())
+        x = a * x + q * rng.normal()
+    v, k = Signal("v", "m/s"), Signal("a", "1", start=a)
+    model = as_model(Block("lag", [v], [], [v], [k], {"v": k.symbol * v.symbol}, period=H))
+    problem = Problem(model, gather(model, [Log("lag", H * np.arange(n), {"v": np.array(y)})]).joined)
+    prior = prior_of(problem, model)
+    noise = Noise(np.array([r]), np.ones((1, 1)), np.array([q / H]), np.array([H / 2]), ("v",))
+    path = estimate(problem, prior, noise, frozen=True, levels=False).path
+    S, _ = scores(problem, noise, problem.start, path, Levels.of(problem, noise, times=False), np.ones(1))
+    known = run_pass(problem, noise, prior, problem.start, path, frozen=False).S
+    h = 1.0 / (np.exp(-1j * np.linspace(-np.pi, np.pi, 20001)) - a)
+    G = q**2 * np.abs(h) ** 2
+    wiener = G / (G + r**2)
+    asked = np.mean(2.0 * wiener**2 * h.real**2), np.mean(wiener**2 * np.abs(h) ** 2)
+    np.testing.assert_allclose([S[:, 0, 0].sum() / n, known.sum() / n], asked, rtol=0.05)
 
 
 @pytest.mark.slow

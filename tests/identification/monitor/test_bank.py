@@ -9,6 +9,7 @@ import hovercontrol as hc
 from hovercontrol.base.errors import InputError
 from hovercontrol.blocks.simulation.sampled import Ticking
 from hovercontrol.control.observers.disturbance import disturbance_name
+from hovercontrol.craft.models.interface import as_model
 from hovercontrol.identification.monitor.bank import LIMIT
 from hovercontrol.identification.monitor.candidates import candidates_of
 from hovercontrol.identification.monitor.design import Design, estimation_model
@@ -474,3 +475,12 @@ def test_an_fmu_agrees_with_c_to_the_last_digit(block, tmp_path, version, kind):
     between = [np.argmin(np.abs(other["time"] - t)) for t in time[:-1] + PERIOD / 2]
     for name in names:
         assert np.array_equal(other[name][between], ours[name][:-1]), name
+
+
+def test_a_change_of_a_mass_is_a_candidate_by_default():
+    found = {c.name: c for c in candidates_of(as_model(cart()), None, ["p"], {}, "watch", PERIOD)}
+    assert list(found) == ["m", "c", "p_bias"]
+    slope = found["m"].rates["v"].subs({p.symbol: p.start for p in found["m"].parameters})
+    assert {s.name.rpartition(".")[2]: s for s in slope.free_symbols}.keys() == {"F", "m"}
+    values = {s: {"F": 3.0, "m": 2.0}[s.name.rpartition(".")[2]] for s in slope.free_symbols}
+    assert float(slope.subs(values)) == pytest.approx(-3.0 / 2.0**2)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import chi2
 
+from hovercontrol.craft.effects import Effect
 from hovercontrol.identification.diagnose.evidence.holdout import Blockwise
 from hovercontrol.identification.diagnose.search.candidates import candidates, effects_outside_catalogue
 from hovercontrol.identification.diagnose.search.confirm import (
@@ -118,11 +119,11 @@ def _rivals(
     alternatives: list[tuple[str, Tried]] = []
     for name, mine in now.own.items():
         less = now.without[name]
-        for s in _contenders(search, less, mine):
+        for e, s in _contenders(search, less, mine):
             if mine.effect.twin(s.candidate.trial):
                 rivals.append(Rival(s.candidate.name, name, 0.0, 0.0, mine.fit, True))
                 continue
-            t = search.once(less, s.effect, s)
+            t = search.once(less, e, s)
             if t is None or not passes_all_tests(
                 search, t, candidate_count(search, t, [mine], selection.candidates)
             ):
@@ -140,18 +141,28 @@ def _rivals(
     return rivals, alternatives
 
 
-def _contenders(search: Search, less: Fit, named: Tried) -> list[Scored]:
-    """Return the candidates that may fit as well in place of a named effect, by gain on left-out blocks.
+def _contenders(search: Search, less: Fit, named: Tried) -> list[tuple[Effect, Scored]]:
+    """Return the effects that may fit as well in place of a named one, each as its fit begins.
 
-    What is the same in every log comes first: it needs no fit.
+    First those that are the same in every log, which need no fit. Then those that were as likely where the
+    named one was added: beside what has been dropped since, they may promise little. Then the candidates by
+    gain on left-out blocks.
     """
     criteria = search.criteria
     alone = singles(search.scores(less))
     asked = max(TRIALS.promised * criteria.least, criteria.share * max((s.gain for s in alone), default=0.0))
-    others = [one for one in alone if one.names[0] != named.name]
-    same = [s for one in others for s in one.members if named.effect.twin(s.candidate.trial)]
-    good = [one.members[0] for one in others if one.gain > asked and one.members[0] not in same]
-    return [*same, *good[: criteria.tries]]
+    others = {one.names[0]: one for one in alone if one.names[0] != named.name}
+    same = [s for one in others.values() for s in one.members if named.effect.twin(s.candidate.trial)]
+    level = {
+        name: (t.fit.model.effect(name), others[name].members[0])
+        for before, name, t in search.made
+        for where, chosen, first in search.made
+        if t and first and where is before and chosen == named.name and name in others
+        if abs(_cost(search, t.fit) - _cost(search, first.fit)) < criteria.apart
+    }
+    good = [one.members[0] for name, one in others.items() if one.gain > asked and name not in level]
+    good = [s for s in good if s not in same][: criteria.tries]
+    return [*((s.effect, s) for s in same), *level.values(), *((s.effect, s) for s in good)]
 
 
 def alike(search: Search, t: Tried, other: Tried) -> Tried:
