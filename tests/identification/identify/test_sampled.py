@@ -73,7 +73,7 @@ def test_without_process_noise_the_fit_is_least_squares_on_the_output_error(ever
     variance = 2.0 * wanted.cost / (keep.size - 3)
     std = np.sqrt(np.diag(np.linalg.inv(wanted.jac.T @ wanted.jac)) * variance)
     for c, value, error in zip(found.coefficients, wanted.x, std, strict=False):
-        assert abs(c.value - value) < 0.5 * error
+        assert abs(c.value - value) < 0.1 * error
         assert c.std == pytest.approx(error, rel=0.2)
 
 
@@ -103,7 +103,7 @@ def test_without_measurement_noise_the_fit_is_least_squares_from_row_to_row():
     wanted, squares = np.linalg.lstsq(X, out[1:], rcond=None)[:2]
     std = np.sqrt(np.diag(np.linalg.inv(X.T @ X)) * squares / n)
     for c, value, error in zip(found.coefficients, wanted, std, strict=True):
-        assert abs(c.value - value) < 0.8 * error
+        assert abs(c.value - value) < 0.1 * error
         assert c.std == pytest.approx(error, rel=0.2)
 
 
