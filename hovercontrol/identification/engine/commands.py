@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -218,7 +219,7 @@ class Arrival:
     def __init__(
         self, block: Block, time: Array, inputs: Array, motion: tuple[str, ...], tempo: float = 1.0
     ) -> None:
-        self.block, self.time, self.inputs, self._tempo = block, time, inputs, tempo
+        self.time, self.inputs, self._tempo = time, inputs, tempo
         steps = np.diff(time, append=time[-1] + 1.0)
         self._integral = np.concatenate(
             [np.zeros((len(inputs), 1)), np.cumsum(inputs * steps, axis=1)], axis=1
@@ -226,8 +227,17 @@ class Arrival:
         self._knots = np.append(time, time[-1] + 1.0)
         change = changes(inputs)
         self._changes, self._sizes = time[change > 0], change[change > 0]
-        self._laws = _laws(block, motion)
+        self._take(block, motion)
+
+    def _take(self, block: Block, motion: tuple[str, ...]) -> None:
+        self.block, self._laws = block, _laws(block, motion)
         self._courses: dict[tuple[float, ...], list[Callable[[Array], tuple[Array, Array]]]] = {}
+
+    def of(self, block: Block, motion: tuple[str, ...]) -> Arrival:
+        """Return the same commands as inputs of another Block."""
+        other = copy(self)
+        other._take(block, motion)
+        return other
 
     def numbers(self, parameters: Sequence[float]) -> tuple[float, ...]:
         """Return the parameters on which the input states depend."""

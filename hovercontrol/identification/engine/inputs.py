@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 
 import numpy as np
 
@@ -32,10 +33,8 @@ class Inputs:
     """
 
     def __init__(self, block: Block, model: Subject, logs: Sequence[Measured], tempo: float = 1.0) -> None:
-        self.block, motion, self._sampled = block, model.motion, model.period > 0.0
-        keys = [p.name for p in block.parameters]
-        self._timing = [keys.index(name) for name in timing(model) if name]
-        self.known = input_states(block, motion)
+        motion, self._sampled = model.motion, model.period > 0.0
+        self._take(block, model)
         times = [(t - m.origin, std) for m, (t, std) in ((m, command_times(m)) for m in logs)]
         self._likely = [
             Arrival(block, *by_trial(m, t), motion, tempo) for m, (t, _) in zip(logs, times, strict=True)
@@ -47,6 +46,20 @@ class Inputs:
             for m, (t, std) in zip(logs, times, strict=True)
             if unsure
         ]
+
+    def _take(self, block: Block, model: Subject) -> None:
+        keys = [p.name for p in block.parameters]
+        self.block, self._timing = block, [keys.index(name) for name in timing(model) if name]
+        self.known = input_states(block, model.motion)
+
+    def of(self, block: Block, model: Subject) -> Inputs:
+        """Return the same commands as inputs of another model's Block."""
+        other = copy(self)
+        other._take(block, model)
+        other._likely, other._late = (
+            [one.of(block, model.motion) for one in arrivals] for arrivals in (self._likely, self._late)
+        )
+        return other
 
     def delay(self, parameters: Sequence[float]) -> float:
         """Return the delay of the commands [s]."""

@@ -21,7 +21,6 @@ from hovercontrol.craft.effects import Effect
 from hovercontrol.craft.models.base import output_for_channel
 from hovercontrol.identification.diagnose.search.candidates import Candidate
 from hovercontrol.identification.engine.fit import Fit
-from hovercontrol.identification.engine.inputs import Inputs
 from hovercontrol.identification.engine.noise import Columns
 from hovercontrol.identification.engine.problem import Problem
 from hovercontrol.identification.engine.subject import Subject, followed_rate, rate_key, structure, timing
@@ -221,11 +220,7 @@ class Along:
         x[new] = follow(block, new, self._t, self._steps.h, x, u, every)[:, :-1]
 
     def _commands(self, model: Subject, block: Block, every: list[float]) -> tuple[Array, dict[int, Array]]:
-        inputs, steps, log = (
-            Inputs(block, model, self.problem.logs, self.problem.tempo),
-            self._steps,
-            self.problem.rows.log,
-        )
+        inputs, steps, log = self.problem.inputs.of(block, model), self._steps, self.problem.rows.log
         delay = inputs.delay(every)
         if delay not in self._means:
             self._means[delay] = inputs.means(delay, steps.t, steps.h, log)
