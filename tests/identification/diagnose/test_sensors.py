@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.own_machines import FAMILIES, drawn, simulated
 from hovercontrol.identification.diagnose import diagnose
 from hovercontrol.identification.diagnose.criteria import CRITERIA
 from hovercontrol.identification.diagnose.evidence.sensors import only_noise, slow_errors
@@ -87,3 +88,12 @@ def test_a_gyro_that_drifts_has_no_constant_bias(case):
     assert found.verdict == "unexplained" and [s.channel for s in found.slow_errors] == ["r"]
     bias = next(lead for lead in found.leads if lead.name == "gyro_bias")
     assert "block" in bias.reason  # blocks do not agree on it, or its size differs from block to block
+
+
+@pytest.mark.slow
+def test_biases_of_two_speeds_that_no_log_tells_apart_are_rivals():
+    """Only the difference of two shafts' speeds acts; beside a wrong scale both biases promised as much."""
+    drive = next(f for f in FAMILIES if f.name == "two-mass drive")
+    true, given = drawn(drive, 3)
+    found = diagnose(drive.block(given), [simulated(drive, true, 3, 1000, "bias")])
+    assert {*(e.effect for e in found.effects), *(r.name for r in found.rivals)} == {"w_bias", "W_bias"}
