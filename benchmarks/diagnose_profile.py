@@ -33,7 +33,7 @@ STEPS = {
     "challenge": ("diagnose.search.challenge:challenged",),
     "hold out": ("diagnose.search.hold_out:held_out", "diagnose.evidence.holdout:gap"),
     "remainder": ("diagnose.evidence.remainder:remainders", "diagnose.evidence.sensors:slow_errors"),
-    "yardstick": ("diagnose.laws.yardstick:yardsticks",),
+    "yardstick": ("diagnose.laws.scan:yardsticks",),
     "experiment": ("diagnose.experiment.propose:next_experiment",),
 }
 FIT, PASS = "engine.fit:estimate", "engine.passes:run_pass"

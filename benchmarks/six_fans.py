@@ -16,7 +16,7 @@ from collections.abc import Iterator, Sequence
 from benchmarks.real_craft import DATA, MASS, holohover_halves
 from hovercontrol.identification.diagnose import diagnose
 from hovercontrol.identification.diagnose.diagnosis import Diagnosis
-from hovercontrol.identification.diagnose.laws.yardstick import yardsticks
+from hovercontrol.identification.diagnose.laws.scan import yardsticks
 
 #: The authors' best model: errors 0.2 s ahead on another day's log [m, m, rad] (the data's README).
 AUTHORS = {"x": 0.0108, "y": 0.0097, "psi": 0.39}

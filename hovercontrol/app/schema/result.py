@@ -54,6 +54,23 @@ class Evidence(TypedDict):
     holdout: list[Ahead]
 
 
+class Range(TypedDict):
+    """A range of a signal."""
+
+    signal: str
+    low: Annotated[float | None, "null without a lower limit"]
+    high: float | None
+
+
+class Function(TypedDict):
+    """A function of one signal: straight lines through values at grid points."""
+
+    signals: Annotated[list[str], "its own, then the factors that multiply it"]
+    grid: list[float]
+    values: list[float]
+    std: Annotated[list[float], "standard errors of the values"]
+
+
 class NamedEffect(TypedDict):
     """An effect that the model lacks."""
 
@@ -65,8 +82,18 @@ class NamedEffect(TypedDict):
     std: Annotated[float, "standard error"]
     unit: str
     numbers: dict[str, Number]
+    region: Annotated[list[Range] | None, "in any of which it acts; null if everywhere"]
+    function: Function | None
     evidence: Evidence
     readings: Annotated[list[str], "names of the same finding"]
+
+
+class Reading(TypedDict):
+    """Another estimate of a coefficient, beside an effect that is neither named nor refuted."""
+
+    value: float
+    std: float
+    cause: str
 
 
 class Coefficient(TypedDict):
@@ -78,6 +105,7 @@ class Coefficient(TypedDict):
     unit: str
     start: Annotated[float | None, "as the given model has it; null for a number of an added effect"]
     kept: Annotated[str, "why it was kept; empty if it was estimated"]
+    readings: list[Reading]
 
 
 class Group(TypedDict):
@@ -130,9 +158,9 @@ class RemainderPlace(TypedDict):
 
 
 class Predictable(TypedDict):
-    """How much of what remains in an equation any law of one to three signals could take."""
+    """How much of what remains in an equation any law of one signal, times others, could take."""
 
-    signals: Annotated[list[str], "of which it is a function; of three: a sum of functions of each"]
+    signals: Annotated[list[str], "of which it is a function, and that multiply it"]
     gain: Annotated[float, "in twice the log likelihood of left-out blocks"]
     share_named: Annotated[float, "of what these signals tell, the share that named effects have taken"]
 
@@ -178,13 +206,29 @@ class Decision(TypedDict):
     passed: bool
 
 
+class Region(Range):
+    """Where what stays unnamed acts in an equation."""
+
+    equation: str
+
+
+class Rows(TypedDict):
+    """Rows of a log in which what stays unnamed is significant."""
+
+    equation: str
+    log: str
+    rows: list[tuple[int, int]]
+
+
 class Where(TypedDict):
-    """Where the given model lacks most."""
+    """Where the given model lacks most, and where what stays unnamed acts."""
 
     equation: str | None
     log: NotRequired[str]
     segments: list[tuple[float, float]]
     regime: str
+    regions: list[Region]
+    rows: list[Rows]
 
 
 class Result(TypedDict):

@@ -65,9 +65,10 @@ class Shape(Coefficient):
     ----------
     search : tuple of float, optional
         Values from which a search for the effect starts.
-    of : {"", "input", "speed", "time", "step"}, optional
+    of : {"", "input", "speed", "time", "step", "signal"}, optional
         Unit of these values: none, the largest thrust, the craft's speed along the effect's axis (root mean
-        square), the length of the log, or the time between its rows.
+        square), the length of the log, or the time between its rows; or they are parts of the rows in which
+        the law's signal is below.
     fixed : bool, optional
         Whether a fit keeps it: a scale, or a constant of the regularisation.
     unit, lower, upper, default, neutral

@@ -14,10 +14,24 @@ function of one:
 So a model file needs nothing else to hold one (``law_r__abs_v__r = -0.64``), and the unit of its coefficient
 follows from the signals. One factor may remember its signal: ``filtered_a``, written a_f, is a behind a
 filter of first order, ``tau a_f' = a - a_f``, from rest, with a time constant of its own.
+
+One factor may be a curve with numbers of its own, by which a law acts in one regime only:
+
+================ ==================================== ==============================================
+``over_a``       max(a - at, 0)                       ``saturating_a``  a/(at + abs(a))
+``under_a``      min(a - at, 0)                       ``inhibited_a``   a/(at + abs(a) + a^2/top)
+``beyond_a``     sgn(a) max(abs(a) - at, 0)           ``decaying_a``    exp(-abs(a)/at)
+``logistic_a``   1/(1 + exp((at - a)/wide))
+================ ==================================== ==============================================
+
+Or it is a table, f(a): straight lines through the values y1 to y5 at evenly spaced a, of which ``hump_a`` is
+zero below `low` and above `high`, ``rise_a`` is zero below `low` and stays y5 from `high` on, and ``fall_a``
+is y1 up to `low` and zero above `high`. A curve or table may be one of abs(a): ``rise_abs_a``.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -47,25 +61,95 @@ BETWEEN = "__"
 
 @dataclass(frozen=True)
 class Operation:
-    """A function of one signal: its expression, the power of the signal's unit, and how it is written."""
+    """A function of one signal.
 
-    of: Callable[[Any], Any]
+    Attributes
+    ----------
+    of : callable
+        Its expression, of the signal and of the symbols of its own numbers.
+    power : int
+        Power of the signal's unit.
+    text : str
+        How it is written.
+    numbers : tuple of str
+        Its own numbers, in the signal's unit.
+    signed : bool
+        Whether these may be negative.
+    """
+
+    of: Callable[..., Any]
     power: int
     text: str
+    numbers: tuple[str, ...] = ()
+    signed: bool = False
 
 
 #: The functions of one signal, by the word in front of its name.
 OPERATIONS: Mapping[str, Operation] = {
-    "": Operation(lambda a: a, 1, "{}"),
-    "abs": Operation(sp.Abs, 1, "abs({})"),
-    "sqr": Operation(lambda a: a**2, 2, "{}^2"),
-    "cub": Operation(lambda a: a**3, 3, "{}^3"),
-    "sin": Operation(sp.sin, 0, "sin({})"),
-    "cos": Operation(sp.cos, 0, "cos({})"),
-    "sin2": Operation(lambda a: sp.sin(2 * a), 0, "sin(2 {})"),
-    "cos2": Operation(lambda a: sp.cos(2 * a), 0, "cos(2 {})"),
-    "filtered": Operation(lambda a: a, 1, "{}_f"),  # of the state that holds the filtered signal
+    "": Operation(lambda a, c: a, 1, "{}"),
+    "abs": Operation(lambda a, c: sp.Abs(a), 1, "abs({})"),
+    "sqr": Operation(lambda a, c: a**2, 2, "{}^2"),
+    "cub": Operation(lambda a, c: a**3, 3, "{}^3"),
+    "sin": Operation(lambda a, c: sp.sin(a), 0, "sin({})"),
+    "cos": Operation(lambda a, c: sp.cos(a), 0, "cos({})"),
+    "sin2": Operation(lambda a, c: sp.sin(2 * a), 0, "sin(2 {})"),
+    "cos2": Operation(lambda a, c: sp.cos(2 * a), 0, "cos(2 {})"),
+    "filtered": Operation(lambda a, c: a, 1, "{}_f"),  # of the state that holds the filtered signal
+    "over": Operation(lambda a, c: sp.Max(a - c.at, 0), 1, "max({} - at, 0)", ("at",), signed=True),
+    "under": Operation(lambda a, c: sp.Min(a - c.at, 0), 1, "min({} - at, 0)", ("at",), signed=True),
+    "beyond": Operation(
+        lambda a, c: sp.Max(a - c.at, 0) + sp.Min(a + c.at, 0), 1, "sgn({0}) max(abs({0}) - at, 0)", ("at",)
+    ),
+    "saturating": Operation(lambda a, c: a / (c.at + sp.Abs(a)), 0, "{0}/(at + abs({0}))", ("at",)),
+    "inhibited": Operation(
+        lambda a, c: a / (c.at + sp.Abs(a) + a**2 / c.top),
+        0,
+        "{0}/(at + abs({0}) + {0}^2/top)",
+        ("at", "top"),
+    ),
+    "decaying": Operation(lambda a, c: sp.exp(-sp.Abs(a) / c.at), 0, "exp(-abs({})/at)", ("at",)),
+    "logistic": Operation(
+        lambda a, c: 1 / (1 + sp.exp((c.at - a) / c.wide)), 0, "1/(1 + exp((at - {})/wide))", ("at", "wide")
+    ),
+    "hump": Operation(lambda a, c: _table(a, c, 0, 0), 0, "f({})", ("low", "high")),
+    "rise": Operation(lambda a, c: _table(a, c, 0, None), 0, "f({})", ("low", "high")),
+    "fall": Operation(lambda a, c: _table(a, c, None, 0), 0, "f({})", ("low", "high")),
 }
+
+#: The operations that are tables, and their values.
+TABLES, VALUES = ("hump", "rise", "fall"), ("y1", "y2", "y3", "y4", "y5")
+
+#: The operations that are curves with numbers of their own.
+CURVES = tuple(n for n, o in OPERATIONS.items() if o.numbers and n not in TABLES)
+
+#: The operations that need an angle.
+TRIGONOMETRIC = ("sin", "cos", "sin2", "cos2")
+
+#: Parts of the rows below which a fit of a curve starts with its number.
+LEVELS = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
+
+
+def knots(operation: str, low: float, high: float) -> list[float]:
+    """Return the places of the values y1 to y5 of a table, evenly spaced.
+
+    Examples
+    --------
+    >>> knots("hump", 0.0, 6.0), knots("rise", 0.0, 5.0), knots("fall", 0.0, 5.0)
+    ([1.0, 2.0, 3.0, 4.0, 5.0], [1.0, 2.0, 3.0, 4.0, 5.0], [0.0, 1.0, 2.0, 3.0, 4.0])
+    """
+    n, first = (6 if operation == "hump" else 5), (0 if operation == "fall" else 1)
+    return [low + (high - low) * (first + k) / n for k in range(5)]
+
+
+def _table(a: Any, c: Any, before: int | None, after: int | None) -> Any:
+    """Return straight lines through a table's values; zero before or after them, or as the nearest one."""
+    # with t = n (a - low)/(high - low), values v_k at t = k: v_0 + sum (v_(k+1) - v_k) min(max(t - k, 0), 1)
+    ends = [[] if end is None else [sp.Integer(end)] for end in (before, after)]
+    v = [*ends[0], *(getattr(c, name) for name in VALUES), *ends[1]]
+    t = (len(v) - 1) * (a - c.low) / (c.high - c.low)
+    rises = (v[k + 1] - v[k] for k in range(len(v) - 1))
+    return v[0] + sp.Add(*(rise * sp.Min(sp.Max(t - k, 0), 1) for k, rise in enumerate(rises)))
+
 
 #: The function of a signal that has a memory.
 FILTERED = "filtered"
@@ -73,30 +157,37 @@ FILTERED = "filtered"
 
 @dataclass(frozen=True)
 class Factor:
-    """One factor of a law: a function (a key of :data:`OPERATIONS`) of a signal.
+    """One factor of a law: a function (a key of :data:`OPERATIONS`) of a signal, or of its absolute value.
 
     Examples
     --------
-    >>> Factor("abs", "v").text, Factor("", "r").word
-    ('abs(v)', 'r')
+    >>> Factor("abs", "v").text, Factor("", "r").word, Factor("rise", "r", of_abs=True).word
+    ('abs(v)', 'r', 'rise_abs_r')
     """
 
     operation: str
     signal: str
+    of_abs: bool = False
 
     @property
     def word(self) -> str:
         """The factor in a name."""
-        return f"{self.operation}_{self.signal}" if self.operation else self.signal
+        of = f"abs_{self.signal}" if self.of_abs else self.signal
+        return f"{self.operation}_{of}" if self.operation else of
+
+    @property
+    def argument(self) -> str:
+        """What it is a function of: a signal, or its absolute value."""
+        return f"abs({self.signal})" if self.of_abs else self.signal
 
     @property
     def text(self) -> str:
         """The factor as a reader writes it."""
-        return OPERATIONS[self.operation].text.format(self.signal)
+        return OPERATIONS[self.operation].text.format(self.argument)
 
-    def expression(self, value: Any) -> Any:
-        """Return the factor as an expression of the signal's."""
-        return OPERATIONS[self.operation].of(value)
+    def expression(self, value: Any, c: Any) -> Any:
+        """Return the factor as an expression of the signal's and of the symbols of the law's numbers."""
+        return OPERATIONS[self.operation].of(sp.Abs(value) if self.of_abs else value, c)
 
 
 class Law(Effect):
@@ -110,22 +201,29 @@ class Law(Effect):
     product: ClassVar[tuple[Factor, ...]] = ()
 
     def terms(self, c: Any, s: Any) -> dict[str, sp.Expr]:
-        return {self.equation: c.value * self.form(s)}
+        return {self.equation: c.value * self.form(c, s)}
 
-    def form(self, s: Any) -> sp.Expr:
+    def form(self, c: Any, s: Any) -> sp.Expr:
         """Return the term per coefficient.
 
         Parameters
         ----------
-        s : namespace
-            Symbols of the motion and the commands, as for :meth:`.Effect.terms`.
+        c, s : namespace
+            Symbols of the law's numbers, and of the motion and the commands, as for :meth:`.Effect.terms`.
         """
-        return sp.Mul(*(f.expression(getattr(s, f.signal)) for f in self.product))
+        return sp.Mul(*(f.expression(getattr(s, f.signal), c) for f in self.product))
+
+    @classmethod
+    def curve(cls) -> Factor | None:
+        """Return the factor that has numbers of its own, a curve or a table; None without one."""
+        return next((f for f in cls.product if OPERATIONS[f.operation].numbers), None)
 
     @classmethod
     def complexity(cls) -> int:
         """Return the number of factors, powers and memories: 2 for ``abs(v) v``, 3 for ``v^3``."""
-        return sum(max(OPERATIONS[f.operation].power, 1) + (f.operation == FILTERED) for f in cls.product)
+        own = (OPERATIONS[f.operation] for f in cls.product)
+        remembers = any(f.operation == FILTERED for f in cls.product)
+        return sum(max(o.power, 1) + len(o.numbers) for o in own) + remembers
 
     @classmethod
     def text(cls) -> str:
@@ -138,15 +236,34 @@ class MemoryLaw(Law):
 
     memory: ClassVar[Signal]
 
-    def form(self, s: Any) -> sp.Expr:
-        held = self.memory.symbol
-        return sp.Mul(
-            *(f.expression(held if f.operation == FILTERED else getattr(s, f.signal)) for f in self.product)
-        )
+    def form(self, c: Any, s: Any) -> sp.Expr:
+        held = {
+            f: self.memory.symbol if f.operation == FILTERED else getattr(s, f.signal) for f in self.product
+        }
+        return sp.Mul(*(f.expression(value, c) for f, value in held.items()))
 
     def states(self, c: Any, s: Any) -> dict[Signal, sp.Expr]:
         (signal,) = (f.signal for f in self.product if f.operation == FILTERED)
         return {self.memory: (getattr(s, signal) - self.memory.symbol) / c.tau}
+
+
+class TableLaw(Law):
+    """A law with one factor that is a table of values, which stand for its coefficient."""
+
+    def terms(self, c: Any, s: Any) -> dict[str, sp.Expr]:
+        return {self.equation: self.form(c, s)}
+
+    def table(self) -> tuple[str, list[float], list[float]]:
+        """Return what the function depends on, and its corners: places and values, with the zeros."""
+        own = self.curve()
+        assert own is not None
+        low, high = self.values["low"], self.values["high"]
+        at, values = knots(own.operation, low, high), [self.values[y] for y in VALUES]
+        if own.operation != "fall":
+            at, values = [low, *at], [0.0, *values]
+        if own.operation != "rise":
+            at, values = [*at, high], [*values, 0.0]
+        return own.argument, at, values
 
 
 def is_law(name: str) -> bool:
@@ -202,7 +319,10 @@ def law_text(name: str) -> str:
 def _as_written(word: str) -> str:
     operation, _, signal = word.partition("_")
     known = operation in OPERATIONS and operation and signal
-    return Factor(operation, signal).text if known else word
+    of_abs = bool(known) and bool(OPERATIONS[operation].numbers) and signal.startswith("abs_")
+    return (
+        Factor(operation, signal.removeprefix("abs_") if of_abs else signal, of_abs).text if known else word
+    )
 
 
 def law_class(name: str, units: Mapping[str, str]) -> type[Law]:
@@ -231,8 +351,8 @@ def law_class(name: str, units: Mapping[str, str]) -> type[Law]:
         hint = did_you_mean(equation, units)
         raise InputError(f"law {name!r}: no equation of {equation!r}{hint}; expected law_r__abs_v__r")
     factors = tuple(_factor(name, w, units) for w in words)
-    if sum(f.operation == FILTERED for f in factors) > 1:
-        raise InputError(f"law {name!r}: two filtered factors; one is the most")
+    if sum(f.operation == FILTERED or bool(OPERATIONS[f.operation].numbers) for f in factors) > 1:
+        raise InputError(f"law {name!r}: two factors with numbers of their own; one is the most")
     used = {s: units[s] for s in (equation, *(f.signal for f in factors))}
     made: type[Law] = _law(name, equation, factors, tuple(used.items()))  # type: ignore[assignment]
     return made
@@ -242,6 +362,8 @@ def _factor(name: str, word: str, units: Mapping[str, str]) -> Factor:
     if word in units:
         return Factor("", word)
     operation, _, signal = word.partition("_")
+    if operation in (*CURVES, *TABLES) and signal.removeprefix("abs_") in units and signal not in units:
+        return Factor(operation, signal.removeprefix("abs_"), of_abs=True)
     if operation not in OPERATIONS or not operation or signal not in units:
         known = [*units, *(f"{o}_{s}" for o in OPERATIONS if o for s in units)]
         raise InputError(f"law {name!r}: unknown factor {word!r}{did_you_mean(word, known)}")
@@ -256,20 +378,38 @@ def _law(
     text = " ".join(f.text for f in factors)
     known = cause(equation, [f.word for f in factors], COMMANDS)
     signal = next((f.signal for f in factors if f.operation == FILTERED), "")
-    sentence = f"A term c {text} in {equation}'"
+    local = next((f for f in factors if OPERATIONS[f.operation].numbers), None)
+    is_table = local is not None and local.operation in TABLES
+    sentence = f"A term {'' if is_table else 'c '}{text} in {equation}'"
     if signal:
         sentence += f", where tau {signal}_f' = {signal} - {signal}_f, from rest"
+    kind = MemoryLaw if signal else TableLaw if is_table else Law
+    unit = unit_of(of[equation], factors, of)
+    own: dict[str, Any] = {"value": Coefficient(unit)}
+    if local is not None:
+        own = _own_numbers(local, of[local.signal], unit)
     return make_class(
         name,
-        (MemoryLaw if signal else Law,),
+        (kind,),
         f"{sentence}." + (f" Of this form is {known}." if known else ""),
         "found in measured logs",
         equation=equation,
         product=factors,
-        value=Coefficient(unit_of(of[equation], factors, of)),
         axis=equation,
+        **own,
         **(_memory(name, signal, of[signal]) if signal else {}),
     )
+
+
+def _own_numbers(local: Factor, signal_unit: str, unit: str) -> dict[str, Any]:
+    """Return the numbers of a law with a curve or a table."""
+    names = OPERATIONS[local.operation].numbers
+    if local.operation in TABLES:
+        ends = {n: Shape(signal_unit, fixed=True) for n in names}
+        return ends | {y: Coefficient(unit, default=0.0) for y in VALUES}
+    lower = -math.inf if OPERATIONS[local.operation].signed and not local.of_abs else TINY
+    shapes = {n: Shape(signal_unit, lower=lower, search=LEVELS, of="signal") for n in names}
+    return {"value": Coefficient(unit), **shapes}
 
 
 def _memory(name: str, signal: str, unit: str) -> dict[str, Any]:
@@ -290,7 +430,7 @@ def unit_of(unit: str, factors: tuple[Factor, ...], units: Mapping[str, str]) ->
     found[_SECOND] -= 1
     for f in factors:
         own = dimension(units[f.signal])
-        if OPERATIONS[f.operation].power == 0 and own != DIMENSIONLESS:
+        if f.operation in TRIGONOMETRIC and own != DIMENSIONLESS:
             raise InputError(f"law: {f.text} needs an angle, and {f.signal} is in {units[f.signal]}")
         found = [a - OPERATIONS[f.operation].power * b for a, b in zip(found, own, strict=True)]
     return unit_text(tuple(found))

@@ -21,12 +21,13 @@ from hovercontrol.identification.diagnose.diagnosis import Diagnosis, numbers_of
 from hovercontrol.identification.diagnose.evidence.holdout import gap
 from hovercontrol.identification.diagnose.evidence.laws import regime
 from hovercontrol.identification.diagnose.evidence.remainder import missing_forces, remainders
-from hovercontrol.identification.diagnose.evidence.sensors import slow_errors
+from hovercontrol.identification.diagnose.evidence.sensors import only_noise, slow_errors
 from hovercontrol.identification.diagnose.experiment.propose import next_experiment
 from hovercontrol.identification.diagnose.fmu import diagnose_fmu
 from hovercontrol.identification.diagnose.fmu_diagnosis import FmuDiagnosis
+from hovercontrol.identification.diagnose.laws.local import with_functions
+from hovercontrol.identification.diagnose.laws.scan import yardsticks
 from hovercontrol.identification.diagnose.laws.search import with_laws
-from hovercontrol.identification.diagnose.laws.yardstick import yardsticks
 from hovercontrol.identification.diagnose.search.base import base_fit
 from hovercontrol.identification.diagnose.search.candidates import left_out
 from hovercontrol.identification.diagnose.search.fit import Made
@@ -183,7 +184,12 @@ def _diagnosed(
         base, model, kept, names=names, max_effects=max_effects, report=said, trace=trace, made=made
     )
     if names is None:
-        held = with_laws(held, model, kept, max_effects=max_effects, report=said, trace=trace, made=made)
+        local = with_functions(held, model, kept, early=True, report=said, trace=trace)
+        if not only_noise(local.selection.final, CRITERIA):
+            laws = with_laws(held, model, kept, max_effects=max_effects, report=said, trace=trace, made=made)
+            if laws is not held or local is held:
+                local = with_functions(laws, model, kept, report=said, trace=trace)
+        held = local
     selection = held.selection
     report(0.92, "measuring the remainder")
     base, final = selection.base, selection.final  # a search may find a likelier fit of the given model

@@ -5,16 +5,18 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.folders import write_folder
 from hovercontrol.base.pyplot import open_in_pyplot
 from hovercontrol.base.short_repr import short_repr
-from hovercontrol.craft.effects.law import is_law
+from hovercontrol.craft.effects.law import VALUES, TableLaw, is_law
 from hovercontrol.identification.diagnose.coefficients import Refitted, refitted
 from hovercontrol.identification.diagnose.evidence.effect_evidence import Evidence
 from hovercontrol.identification.diagnose.evidence.holdout import Ahead, Gap
@@ -23,7 +25,7 @@ from hovercontrol.identification.diagnose.evidence.missing import Missing
 from hovercontrol.identification.diagnose.evidence.remainder import Remainder
 from hovercontrol.identification.diagnose.evidence.sensors import SlowError
 from hovercontrol.identification.diagnose.experiment.proposal import Experiment
-from hovercontrol.identification.diagnose.laws.yardstick import Yardstick
+from hovercontrol.identification.diagnose.laws.scan import Yardstick, region_of
 from hovercontrol.identification.diagnose.places import acts_in, place_of, place_of_rival
 from hovercontrol.identification.diagnose.search.confirm import Rival, Selection
 from hovercontrol.identification.diagnose.search.leads import Lead
@@ -217,7 +219,7 @@ class Diagnosis:
 
     @cached_property
     def _refitted(self) -> tuple[tuple[Refitted, ...], tuple[Group, ...]]:
-        return refitted(self.selection.final, self.model.coefficients())
+        return refitted(self.selection.final, self.model.coefficients(), self.selection.undecided)
 
     def result(self) -> dict[str, Any]:
         """Return the entries of ``result.json``."""
@@ -231,16 +233,19 @@ class Diagnosis:
                     "kind": "law" if is_law(name) else "effect",
                     "equation": own[0].acts_in,
                     "place": own[0].place,
-                    "coefficient": own[0].value,
-                    "std": own[0].std,
-                    "unit": own[0].unit,
+                    "coefficient": main.value,
+                    "std": main.std,
+                    "unit": main.unit,
                     "numbers": {e.parameter: {"value": e.value, "std": e.std, "unit": e.unit} for e in own},
+                    "region": region_of(self.amended.effect(name)) or None,
+                    "function": self.function(name),
                     "evidence": self.evidence[name].result(),
                     "readings": [name, *(r.name for r in self.rivals if r.same and r.instead_of == name)],
                 }
                 for name, own in numbers.items()
+                for main in (peak_of(own),)
             ],
-            "coefficients": [vars(c) for c in self.coefficients],
+            "coefficients": [asdict(c) for c in self.coefficients],
             "groups": [{"name": g.name, "value": g.value, "std": g.std, "unit": g.unit} for g in self.groups],
             "rivals": [
                 {"name": r.name, "place": place_of_rival(r), "reason": reason_of(r)} for r in self.rivals
@@ -285,6 +290,22 @@ class Diagnosis:
             "warnings": list(self.warnings),
         }
 
+    def function(self, name: str) -> dict[str, Any] | None:
+        """Return a named effect that is a table: signals, grid, values and their standard errors; else None.
+
+        Parameters
+        ----------
+        name : str
+        """
+        law = self.amended.effect(name)
+        if not isinstance(law, TableLaw):
+            return None
+        argument, grid, values = law.table()
+        std = {e.parameter: e.std for e in self.effects if e.effect == name}
+        own = {law.values[y]: std.get(law.parameter(y), 0.0) for y in VALUES}
+        signals = [argument, *(f.text for f in law.product if f is not law.curve())]
+        return {"signals": signals, "grid": grid, "values": values, "std": [own.get(v, 0.0) for v in values]}
+
     def _predictable(self, equation: str) -> dict[str, Any] | None:
         """Return how much any law of a few signals could still take in an equation."""
         found = next((y for y in self.yardsticks if y.equation == equation), None)
@@ -304,15 +325,28 @@ class Diagnosis:
         }
 
     def _where(self) -> dict[str, Any]:
-        """Return where the given model lacks most: equation, regime, and the times in the worst log."""
+        """Return where the given model lacks most: equation, regime, and the times in the worst log.
+
+        In `regions` and `rows`, where what stays unnamed acts: ranges of signals, and rows of the logs.
+        """
+        left = self.selection.regions
+        unnamed = {
+            "regions": [{"equation": f"{r.equation}'", **one} for r in left for one in r.region()],
+            "rows": [
+                {"equation": m.equation, "log": m.log, "rows": np.searchsorted(m.time, m.segments).tolist()}
+                for m in self.missing_after
+                if m.segments and any(r.there and r.equation == m.equation for r in self.remainders)
+            ],
+        }
         most = worst(self.missing)
         if most is None or not most.segments:
-            return {"equation": None, "segments": [], "regime": self.regime}
+            return {"equation": None, "segments": [], "regime": self.regime, **unnamed}
         return {
             "equation": most.equation,
             "log": most.log,
             "segments": [list(s) for s in most.segments],
             "regime": self.regime,
+            **unnamed,
         }
 
     def sentences(self) -> tuple[str, str, str]:
@@ -356,6 +390,14 @@ class Diagnosis:
                 self.experiment.save(place / "next_experiment.csv")
 
         return write_folder(folder, write, stale=(*FITTED, "next_experiment.csv"))
+
+
+def peak_of(numbers: Sequence[Found]) -> Found:
+    """Return the number that stands for an effect: its first, or the largest value of a table."""
+    first = numbers[0]
+    if not first.parameter.endswith(f"_{VALUES[0]}"):
+        return first
+    return max(numbers, key=lambda n: abs(n.value))
 
 
 def reason_of(rival: Rival) -> str:

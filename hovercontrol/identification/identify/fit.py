@@ -24,6 +24,7 @@ from hovercontrol.base.errors import InputError
 from hovercontrol.blocks.block import Block
 from hovercontrol.craft.models.interface import AnyModel, as_model
 from hovercontrol.fmi.replay.plant import FmuPlant
+from hovercontrol.identification.diagnose.coefficients import Reading
 from hovercontrol.identification.diagnose.criteria import CRITERIA
 from hovercontrol.identification.diagnose.search.base import base_fit, likelier_start
 from hovercontrol.identification.engine.data import Data, gather
@@ -37,7 +38,7 @@ from hovercontrol.identification.engine.subject import named, with_known_period
 from hovercontrol.identification.identify.fmu import FmuIdentified, identify_fmu
 from hovercontrol.identification.identify.predict import prediction
 from hovercontrol.identification.identify.remaining import remaining
-from hovercontrol.identification.identify.result import Fitted, Identified, Reading
+from hovercontrol.identification.identify.result import Fitted, Identified
 from hovercontrol.identification.identify.subject import chosen
 from hovercontrol.identification.identify.trust import trust
 from hovercontrol.logs import Log

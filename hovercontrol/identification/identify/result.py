@@ -25,6 +25,7 @@ from hovercontrol.craft.effects import Effect
 from hovercontrol.craft.models.blockmodel import BlockModel
 from hovercontrol.craft.models.model import Model
 from hovercontrol.craft.models.physical import BODY, carried_by
+from hovercontrol.identification.diagnose.coefficients import Reading
 from hovercontrol.identification.engine.fit import Fit
 
 if TYPE_CHECKING:
@@ -60,32 +61,6 @@ class MisfitCriteria:
 
 #: The values in use.
 MISFIT = MisfitCriteria()
-
-
-@checked
-@dataclass(frozen=True)
-class Reading:
-    """Another estimate of a coefficient: with a missing effect added, or over a longer time.
-
-    Attributes
-    ----------
-    value, std : float
-        Estimate and standard error, in the coefficient's unit.
-    cause : str
-        ``"with thrust_lag"`` or ``"over 2 s"``.
-
-    Examples
-    --------
-    >>> print(Reading(2.214, 0.012, "with steer_lag"))
-    2.214 ± 0.012 with steer_lag
-    """
-
-    value: float
-    std: float
-    cause: str
-
-    def __str__(self) -> str:
-        return f"{self.value:.4g} ± {self.std:.2g} {self.cause}"
 
 
 @checked

@@ -22,6 +22,7 @@ from scipy import stats
 
 from hovercontrol.base.arrays import Array
 from hovercontrol.craft.effects import Effect
+from hovercontrol.identification.diagnose.coefficients import Reading
 from hovercontrol.identification.diagnose.criteria import CRITERIA
 from hovercontrol.identification.diagnose.search.candidates import candidates
 from hovercontrol.identification.diagnose.search.fit import Search, Tried, try_effect
@@ -34,7 +35,6 @@ from hovercontrol.identification.engine.prior import prior_of
 from hovercontrol.identification.engine.problem import Problem
 from hovercontrol.identification.engine.scoring import NO_LEVELS, scores
 from hovercontrol.identification.engine.subject import unknowns
-from hovercontrol.identification.identify.result import Reading
 
 
 @dataclass(frozen=True)

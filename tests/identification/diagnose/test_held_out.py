@@ -19,7 +19,7 @@ from hovercontrol.identification.diagnose.search.fit import Tried, beside
 from hovercontrol.identification.diagnose.search.hold_out import (
     HeldOut,
     _less,
-    _unconfirmed,
+    _rows,
     _with_other,
     _worse,
     held_out,
@@ -138,8 +138,8 @@ def judged(sloped, t, scatter, far=0.0, remains=True):
     ],
 )
 def test_where_something_remains_a_name_needs_the_held_out_log(sloped, t, scatter, far, remains, doubtful):
-    found = _unconfirmed(judged(sloped, t, scatter, far, remains), CRITERIA)
-    assert list(found) == (["rudder_offset"] if doubtful else [])
+    rows = _rows(judged(sloped, t, scatter, far, remains), CRITERIA)
+    assert [row.effect for row in rows if not row.passed] == (["rudder_offset"] if doubtful else [])
 
 
 @pytest.mark.parametrize(("taken", "doubtful"), [((0.1, 0.45), True), ((0.1, 0.8), False)])
@@ -148,7 +148,7 @@ def test_what_takes_most_of_the_held_out_error_is_confirmed_by_however_few_event
     own = found.evidence["rudder_offset"]
     own = replace(own, holdout=replace(own.holdout, taken=taken))
     found = replace(found, evidence={"rudder_offset": own})
-    assert bool(_unconfirmed(found, CRITERIA)) == doubtful
+    assert any(not row.passed for row in _rows(found, CRITERIA)) == doubtful
 
 
 def test_the_part_of_the_error_taken_does_not_depend_on_calm_blocks(sloped):

@@ -18,8 +18,8 @@ in surge than in sway. Such a remainder is told from noise by its innovations
 gusts do, and likelihood decides as where only measurement noise is left. Where they are not, the held-out
 logs, on which the choice did not depend, must show the law by themselves (:func:`.searched.shown`), and it
 must take at least half (`criteria.most`) of the mean square of what is missing in its equation; else it is a
-lead. A law with a memory always is one there: a filter of first order takes part of whatever answers a
-command, as of a load on a spring that is shaken by the thrust.
+lead, and the search goes on from what stays. A law with a memory always is one there: a filter of first order
+takes part of whatever answers a command, as of a load on a spring that is shaken by the thrust.
 """
 
 from __future__ import annotations
@@ -91,28 +91,34 @@ def with_laws(
     known = [cls.name for cls in catalogue(base.problem.model) if beside or cls.name not in selection.effects]
     asked = [*known, *(s.name for s in few), *screening.elsewhere]
     strict = _among(criteria, len(asked), len(known) + screening.tests)
-    more = select(
-        base, model, names=asked, max_effects=max_effects, criteria=strict, report=report, trace=trace,
-        made=made,
-    )  # fmt: skip
-    if not any(is_law(n) for n in more.effects):
-        return found
-    if not _replaces(selection, more, criteria, rows):
-        return replace(found, selection=_with_rivals(selection, more, criteria))
-    report("predicting the held-out logs with the laws")
     search = Search(model, None, strict, report, rows)
-    noise = only_noise(more.final, criteria) or _random(more, criteria, rows)
-    more = _with_same(search, more, few)
-    more = _decided(more, criteria) if noise else more
-    again = held_out(more, data, strict, trace, found)
-    named = [n for n in again.selection.effects if is_law(n)]
-    if noise or not named:
-        return again if named else found
-    doubtful = [n for n in named if not sound(again, n, base, criteria)]
-    if not doubtful:
-        return again
-    leads = tuple(_unshown(again.evidence[n], n) for n in doubtful)
-    found = _without_beaten(found, more)
+    begin: Selection | None = None
+    leads: list[Lead] = []
+    while True:
+        more = select(
+            base, model, names=asked, max_effects=max_effects, criteria=strict, report=report, trace=trace,
+            made=made, begin=begin,
+        )  # fmt: skip
+        if not any(is_law(n) for n in more.effects):
+            break
+        if not _replaces(selection, more, criteria, rows):
+            return replace(found, selection=_with_rivals(selection, more, criteria))
+        report("predicting the held-out logs with the laws")
+        noise = only_noise(more.final, criteria) or _random(more, criteria, rows)
+        more = _with_same(search, more, few)
+        more = _decided(more, criteria) if noise else more
+        again = held_out(more, data, strict, trace, found)
+        named = [n for n in again.selection.effects if is_law(n)]
+        doubtful = [] if noise else [n for n in named if not sound(again, n, base, criteria)]
+        if not doubtful:
+            return again if named else found
+        leads += [_unshown(again.evidence[n], n) for n in doubtful]
+        stays = [n for n in again.selection.effects if n not in doubtful]
+        if not stays:
+            found = _without_beaten(found, more)
+            break
+        begin = without(again, doubtful, "").selection if len(doubtful) == 1 else None
+        asked = [n for n in asked if n not in doubtful]
     return replace(found, selection=replace(found.selection, leads=(*leads, *found.selection.leads)))
 
 

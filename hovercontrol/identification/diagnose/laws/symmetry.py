@@ -19,7 +19,10 @@ from hovercontrol.craft.effects.law import Law
 from hovercontrol.identification.engine.subject import Subject, structure
 
 #: Functions of a signal that do not change with its sign.
-EVEN = ("abs", "sqr", "cos", "cos2")
+EVEN = ("abs", "sqr", "cos", "cos2", "decaying")
+
+#: Functions that differ for the two signs of their signal.
+LOPSIDED = ("over", "under", "logistic", "hump", "rise", "fall")
 
 #: A craft with fans, to port and to starboard: its fans do not change sign, they change place.
 MIRROR = dict.fromkeys(("y", "psi", "v", "r", "fan_y", "fan_torque"), -1)
@@ -101,7 +104,10 @@ def broken_by(law: type[Law], signs: Signs) -> int:
 
 
 def _sign(law: type[Law], signs: Mapping[str, int]) -> int:
+    """Return the sign of a law under changes of sign; 0 if it changes in another way."""
     found = 1
     for f in law.product:
-        found *= 1 if f.operation in EVEN else signs.get(f.signal, 1)
+        if f.operation in LOPSIDED and not f.of_abs and f.signal in signs:
+            return 0
+        found *= 1 if f.operation in EVEN or f.of_abs else signs.get(f.signal, 1)
     return found

@@ -13,7 +13,7 @@ from hovercontrol.base.svg import Plot, bounds
 from hovercontrol.identification.diagnose.evidence.blocks import Blocks
 from hovercontrol.identification.diagnose.evidence.holdout import Ahead
 from hovercontrol.identification.diagnose.evidence.missing import Missing
-from hovercontrol.identification.diagnose.laws.yardstick import Yardstick
+from hovercontrol.identification.diagnose.laws.scan import Yardstick
 from hovercontrol.identification.diagnose.report.formatting import prime, small, times, unit
 from hovercontrol.identification.diagnose.report.free_run import FreeRun
 from hovercontrol.identification.diagnose.report.templates import render

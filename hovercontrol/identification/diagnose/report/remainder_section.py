@@ -7,10 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from hovercontrol.base.percent import percent
+from hovercontrol.craft.effects.base import resolved_unit
+from hovercontrol.craft.effects.law import TableLaw
 from hovercontrol.identification.diagnose.evidence.laws import regime_of, small, worst
 from hovercontrol.identification.diagnose.evidence.missing import Missing
+from hovercontrol.identification.diagnose.laws.scan import Yardstick
 from hovercontrol.identification.diagnose.report import pictures
-from hovercontrol.identification.diagnose.report.context import Context
+from hovercontrol.identification.diagnose.report.context import Context, numbers_by_effect
 from hovercontrol.identification.diagnose.report.formatting import listed, prime, rounded, unit
 from hovercontrol.identification.diagnose.report.formatting import small as digits
 from hovercontrol.identification.diagnose.report.free_run import on_rows
@@ -42,6 +45,7 @@ def remainder(m: Context) -> str:
         maps=_maps(m, now),
         laws=_laws(m),
         curves=_curves(m),
+        functions=_functions(m),
         kinds=legend("before", "after") if m.changed else legend("before"),
         logs=logs,
     )
@@ -80,6 +84,20 @@ def _laws(m: Context) -> Table | None:
         rows.append((prime(y.equation), told, rounded(y.gain), rounded(taken), percent(y.share(taken))))
     head = ("equation", "could still be told by", "gain", "gain of the named effects", "told")
     return table(head, rows) if rows else None
+
+
+def _functions(m: Context) -> list[str]:
+    """Return plots of the named effects that are functions of one signal, with their bands."""
+    d, units = m.diagnosis, m.diagnosis.amended.law_units()
+    tables = []
+    for name in numbers_by_effect(d):
+        law, function = d.amended.effect(name), d.function(name)
+        if function is not None and isinstance(law, TableLaw) and (own := law.curve()) is not None:
+            at, force, std = (np.array(function[key]) for key in ("grid", "values", "std"))
+            named = Yardstick(f"{law.equation}'", (own.argument,), d.selection.gains[name], at, force, std)
+            factor = resolved_unit(law.numbers["y1"].unit, {})
+            tables.append(pictures.over_signal(named, factor, units[own.signal]))
+    return tables
 
 
 def _curves(m: Context) -> list[str]:

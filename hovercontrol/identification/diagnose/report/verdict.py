@@ -21,6 +21,7 @@ from hovercontrol.identification.diagnose.report.formatting import (
     listed,
     meaning,
     number_of,
+    plus_minus,
     prime,
     small,
     times,
@@ -105,12 +106,32 @@ def _named(d: Diagnosis, name: str, numbers: Sequence[Found]) -> str:
     rivals = [r for r in d.rivals if r.instead_of == name]
     doubtful = listed([effect_words(r.name) for r in rivals if not r.same], "or")
     same = listed([effect_words(r.name) for r in rivals if r.same], "or")
-    said = f"{effect_words(name)}, {numbers_of(numbers)}" if numbers else effect_words(name)
+    said = (
+        f"{effect_words(name)}, {_function(d, name) or numbers_of(numbers)}"
+        if numbers
+        else effect_words(name)
+    )
     if same and is_law(name):
         said += f" (or {same}: the same in these logs, but it breaks a symmetry of the model)"
     elif same:
         said += f" (or {same}: both have the same effect on every log)"
     return f"{said}, or else {doubtful}: these logs do not distinguish them" if doubtful else said
+
+
+def _function(d: Diagnosis, name: str) -> str:
+    """Return an effect that is a table as text: its largest value, and where it is zero; else empty."""
+    function = d.function(name)
+    if function is None:
+        return ""
+    grid, values = function["grid"], function["values"]
+    k = max(range(len(values)), key=lambda k: abs(values[k]))
+    argument = function["signals"][0]
+    signal = argument.removeprefix("abs(").removesuffix(")")
+    of, own = unit(d.amended.law_units()[signal]), unit(next(n.unit for n in d.effects if n.effect == name))
+    zero = [f"below {grid[0]:.3g}"] if values[0] == 0.0 else []
+    zero += [f"above {grid[-1]:.3g}"] if values[-1] == 0.0 else []
+    largest = f"{plus_minus(values[k], function['std'][k])} {own} where {argument} is {grid[k]:.3g} {of}"
+    return f"{largest}, zero {' and '.join(zero)} {of}".strip()
 
 
 def numbers_of(numbers: Sequence[Found]) -> str:
@@ -218,7 +239,9 @@ def remainder_sentence(d: Diagnosis) -> str:
         for s in d.slow_errors
     ]
     if not left:
-        return f"What remains: {listed(slow) or 'nothing beyond noise'}."
+        near = listed([f"{effect_words(t.name)} gains {t.gain:.3g}" for t in d.selection.undecided])
+        doubt = f"nothing sure, but {near} in twice the log likelihood"
+        return f"What remains: {listed(slow) or (doubt if near else 'nothing beyond noise')}."
     sizes = listed([f"{small(r.rms)} {unit(r.unit)} in {prime(r.equation)}" for r in left])
     same = [m for m in d.missing_after if any(m.equation == r.equation for r in left)]
     where = prime(regime(same))

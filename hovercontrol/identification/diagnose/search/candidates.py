@@ -14,6 +14,7 @@ from hovercontrol.base.errors import InputError
 from hovercontrol.blocks.units import BASE, dimension
 from hovercontrol.craft.effects import Effect, Shape, effect_class, effect_names
 from hovercontrol.craft.effects.drag import per_second
+from hovercontrol.craft.effects.law import Law
 from hovercontrol.identification.engine.fit import Fit
 from hovercontrol.identification.engine.subject import Subject, structure
 
@@ -133,7 +134,9 @@ def _grid(
     grid = []
     for key, number in cls.numbers.items():
         slow = pace ** _seconds(fit, cls, number.unit)
-        if isinstance(number, Shape) and number.search:
+        if isinstance(number, Shape) and number.of == "signal":
+            grid.append([(key, v) for v in _levels(fit, cls, number)])
+        elif isinstance(number, Shape) and number.search:
             scale = _scale(fit, cls, number.of, scales) if number.of else slow
             grid.append([(key, part * scale) for part in number.search])
         elif isinstance(number, Shape):
@@ -143,6 +146,23 @@ def _grid(
         else:
             grid.append([(key, number.neutral + CANDIDATES.trial)])
     return grid
+
+
+def _levels(fit: Fit, cls: type[Effect], number: Shape) -> list[float]:
+    """Return quantiles of the signal of a law's curve along the logs; of its size, for a positive number."""
+    local = cls.curve() if issubclass(cls, Law) else None
+    assert local is not None
+    problem = fit.problem
+    states, inputs = ([s.name for s in group] for group in (problem.block.states, problem.block.inputs))
+    if local.signal in states:
+        along = fit.path[..., states.index(local.signal)].ravel()
+    elif local.signal in inputs:
+        along = np.concatenate([m.inputs[inputs.index(local.signal)] for m in problem.logs])
+    else:
+        along = np.concatenate([m.time - m.origin for m in problem.logs])
+    values = along if number.lower < 0.0 else np.abs(along)
+    found = np.unique(np.quantile(values, number.search))
+    return [float(v) for v in found if v > number.lower]
 
 
 def left_out(model: Subject, names: Sequence[str] | None = None) -> list[str]:

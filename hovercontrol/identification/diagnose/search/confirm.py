@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from hovercontrol.base.short_repr import short_repr
 from hovercontrol.identification.diagnose.evidence.blocks import Blocks
@@ -11,6 +12,9 @@ from hovercontrol.identification.diagnose.search.fit import Search, Tried, besid
 from hovercontrol.identification.diagnose.search.leads import Lead
 from hovercontrol.identification.diagnose.search.rules import passes_all_tests, why_not
 from hovercontrol.identification.engine.fit import Fit
+
+if TYPE_CHECKING:
+    from hovercontrol.identification.diagnose.laws.scan import Local
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +70,10 @@ class Selection:
         Effects added and dropped again: not needed with the others in the model, or blocks do not agree.
     alternatives : tuple of (str, Tried)
         A named effect and another that passes all tests in its place.
+    undecided : tuple of Tried
+        Fits of the amended model with one more effect that is not named, and not refuted by likelihood.
+    regions : tuple of Local
+        Functions of one signal that are missing and not named, with where they act.
     """
 
     base: Fit
@@ -81,6 +89,8 @@ class Selection:
     without: dict[str, Fit] = field(default_factory=dict)
     dropped: tuple[Lead, ...] = ()
     alternatives: tuple[tuple[str, Tried], ...] = ()
+    undecided: tuple[Tried, ...] = ()
+    regions: tuple[Local, ...] = ()
 
     __repr__ = short_repr
 

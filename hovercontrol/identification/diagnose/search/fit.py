@@ -118,12 +118,18 @@ class Search:
         return t
 
     def fit(self, near: Fit, model: Subject, times: bool = False) -> Fit:
-        """Fit a model from the end of another fit; `times`: fit the noise's correlation times as well."""
+        """Fit a model from the end of another fit; `times`: fit the noise's correlation times as well.
+
+        A fit that runs away is no likelier one: of the same model, the other fit is kept.
+        """
         problem = near.problem.of(model)
         prior = prior_of(problem, self.model)
         try:
             return refit(near, problem, prior, times=times)
-        except FloatingPointError:  # the removed effect kept the path near the logs; restart
+        except FloatingPointError:
+            if model.signature == near.model.signature:
+                return near
+            # the removed effect kept the path near the logs; restart
             return estimate(problem, prior, first_noise(problem), times=times)
 
 

@@ -83,21 +83,23 @@ def held_out(
         other = _on(_with_other(selection, *instead, _held(data)), before)
         if _mean(other.evidence[instead[1].name].holdout) > criteria.better:
             found = other
-    worse = [n for n, e in found.evidence.items() if _worse(e, criteria)]
-    trace.extend(_rows(found, criteria))
-    if worse:
-        return _left(
-            found, _less(found.selection, worse, f"{_held(data)} {_verb(data, 'is')} predicted worse with it")
-        )
-    doubtful = _unconfirmed(found, criteria)
-    while doubtful:
-        least = min(doubtful, key=lambda n: doubtful[n].t)
-        own = doubtful[least]
-        said = f"{_held(data)} {_verb(data, 'does')} not confirm it"
-        reason = f"{said} (gains {own.gain:.3g} there, t = {own.t:.1f})"
+    while found.selection.effects:
+        rows = _rows(found, criteria)
+        trace.extend(rows)
+        failed = [row.effect for row in rows if not row.passed]
+        if not failed:
+            break
+        worse = [n for n in failed if _worse(found.evidence[n], criteria)]
+        least = min(worse or failed, key=lambda n: _t(found.evidence[n].gained))
+        own = found.evidence[least].gained
+        reason = f"{_held(data)} {_verb(data, 'is')} predicted worse with it"
+        if not worse and own is not None:
+            said = f"{_held(data)} {_verb(data, 'does')} not confirm it"
+            reason = f"{said} (gains {own.gain:.3g} there, t = {own.t:.1f})"
         several = len(found.selection.effects) > 2  # with two effects, the fits without each exist
         found = _left(found, _less(found.selection, [least], reason))
-        doubtful = {} if several else _unconfirmed(found, criteria)
+        if several:
+            break
     return found
 
 
@@ -134,19 +136,9 @@ def _left(found: HeldOut, left: Selection) -> HeldOut:
     return HeldOut(left, evidence, before, after, ahead(before, after))
 
 
-def _unconfirmed(found: HeldOut, criteria: Criteria) -> dict[str, Gained]:
-    """Return the effects that the held-out logs could show and do not, if the final fit has a remainder."""
-    if only_noise(found.selection.final, criteria):
-        return {}
-    return {
-        n: e.gained
-        for n, e in found.evidence.items()
-        if e.gained is not None
-        and e.gained.scatter > criteria.visible
-        and e.gained.t < criteria.confirmed
-        and _mean(e.holdout) < criteria.better
-        and max(e.holdout.taken, default=0.0) < criteria.most
-    }
+def _t(own: Gained | None) -> float:
+    """Return t of the gain on the held-out logs, 0 without one."""
+    return own.t if own else 0.0
 
 
 def _on(selection: Selection, before: Fit) -> HeldOut:
@@ -169,25 +161,48 @@ def _of_training(selection: Selection, name: str) -> Evidence:
 
 
 def _rows(found: HeldOut, criteria: Criteria) -> list[Decision]:
-    """Return the rows of the named effects: predicted worse with it, and shown if something else remains."""
-    unconfirmed = _unconfirmed(found, criteria)
+    """Return the rows of the named effects: predicted no worse with it, and shown if something else remains.
+
+    Each row holds the number that decides.
+    """
+    left = not only_noise(found.selection.final, criteria)
     rows = []
     for name, e in found.evidence.items():
-        rule = "mean t of the fall of held-out errors, at least"
-        rows.append(
-            Decision("hold out", name, rule, _mean(e.holdout), -criteria.worse, not _worse(e, criteria))
-        )
-        if e.gained is not None and not only_noise(found.selection.final, criteria):
-            rule, passed = "t of the gain on held-out logs, at least", name not in unconfirmed
-            rows.append(Decision("hold out", name, rule, e.gained.t, criteria.confirmed, passed))
+        worse = _worse(e, criteria)
+        rule = "t of the fall of held-out errors at most horizons, at least"
+        value, limit = _at_most_horizons(e.holdout), -criteria.worse
+        if value < limit and not worse:
+            rule, value, limit = "t of the gain on held-out logs, over", _t(e.gained), criteria.worse
+        rows.append(Decision("hold out", name, rule, value, limit, not worse))
+        if left and e.gained is not None:
+            rows.append(_shown(name, e, e.gained, criteria))
     return rows
+
+
+def _shown(name: str, e: Evidence, own: Gained, criteria: Criteria) -> Decision:
+    """Return whether the held-out logs show an effect or could not; the first test that it passes, if any."""
+    taken, unseen = max(e.holdout.taken, default=0.0), own.scatter <= criteria.visible
+    rows = [
+        Decision("hold out", name, rule, value, limit, value >= limit)
+        for rule, value, limit in (
+            ("t of the gain on held-out logs, at least", own.t, criteria.confirmed),
+            ("mean t of the fall of held-out errors, at least", _mean(e.holdout), criteria.better),
+            ("fraction of the held-out error that it takes, at least", taken, criteria.most),
+        )
+    ]
+    rule = "standard error of the gain up to which held-out logs cannot judge"
+    rows.append(Decision("hold out", name, rule, own.scatter, criteria.visible, unseen))
+    return next((row for row in rows if row.passed), rows[0])
 
 
 def _worse(own: Evidence, criteria: Criteria) -> bool:
     """Whether predictions are significantly worse at most horizons and the log not significantly likelier."""
-    worse = [t < -criteria.worse for t in own.holdout.together]
-    likelier = own.gained is not None and own.gained.t > criteria.worse
-    return sum(worse) > len(worse) / 2 and not likelier
+    return _at_most_horizons(own.holdout) < -criteria.worse and not _t(own.gained) > criteria.worse
+
+
+def _at_most_horizons(far: Horizons) -> float:
+    """Return the largest value below which t lies at more than half of the horizons."""
+    return sorted(far.together)[len(far.together) // 2] if far.together else 0.0
 
 
 def _better(found: HeldOut, criteria: Criteria) -> tuple[str, Tried] | None:

@@ -9,8 +9,10 @@ from dataclasses import replace
 from hovercontrol.identification.diagnose.criteria import CRITERIA, Criteria
 from hovercontrol.identification.diagnose.evidence.effect_evidence import Evidence
 from hovercontrol.identification.diagnose.evidence.sensors import only_noise
+from hovercontrol.identification.diagnose.search.candidates import catalogue
 from hovercontrol.identification.diagnose.search.fit import Made
 from hovercontrol.identification.diagnose.search.hold_out import HeldOut, held_out
+from hovercontrol.identification.diagnose.search.leads import Lead
 from hovercontrol.identification.diagnose.search.select import select
 from hovercontrol.identification.diagnose.search.trace import Decision
 from hovercontrol.identification.engine.data import Data
@@ -31,6 +33,8 @@ def searched(
     made: Made | None = None,
 ) -> HeldOut:
     """Return the effects that a fitted model lacks, as judged by the held-out logs.
+
+    If the held-out logs take a part of a set, the search goes on from what stays.
 
     The blocks of the training logs must agree on an effect. Logs with few events have few informative
     blocks, and fewer than `criteria.blocks` cannot decide: 5 of 5 may agree at t = 4 and still miss the level
@@ -57,12 +61,23 @@ def searched(
     made : list, optional
         Gets the fits with one effect more than `base`.
     """
-    selection = select(
-        base, model, names=names, max_effects=max_effects, criteria=criteria, report=report, trace=trace,
-        made=made,
-    )  # fmt: skip
-    report("predicting the held-out logs")
-    found = held_out(selection, data, criteria, trace)
+    known = [cls.name for cls in catalogue(base.problem.model, names)]
+    vetoed: dict[str, Lead] = {}
+    found: HeldOut | None = None
+    while True:
+        selection = select(
+            base, model, names=[n for n in known if n not in vetoed] if vetoed else names,
+            max_effects=max_effects, criteria=criteria, report=report, trace=trace, made=made,
+            begin=found.selection if found else None,
+        )  # fmt: skip
+        report("predicting the held-out logs")
+        found = held_out(selection, data, criteria, trace)
+        stays = found.selection.effects
+        vetoed |= {lead.name: lead for lead in found.selection.leads if lead.name in selection.effects}
+        if not stays or len(stays) == len(selection.effects):
+            break
+    leads = (*vetoed.values(), *(lead for lead in found.selection.leads if lead.name not in vetoed))
+    found = replace(found, selection=replace(found.selection, leads=leads))
     if data is None or found.selection.effects or only_noise(base, criteria):
         return found
     if not any(n.gain > criteria.least and 0 < n.blocks_n < criteria.blocks for n in found.selection.leads):

@@ -62,6 +62,7 @@ def select(
     report: Callable[[str], None] = lambda what: None,
     trace: list[Decision] | None = None,
     made: Made | None = None,
+    begin: Selection | None = None,
 ) -> Selection:
     """Return which effects a fitted model lacks.
 
@@ -81,6 +82,8 @@ def select(
         Gets a row for each decision.
     made : list, optional
         Fits from `base` that an earlier search made; gets those that this one makes.
+    begin : Selection, optional
+        Effects from which the search goes on; default: none.
     """
     kept = [] if made is None else made
     search = Search(model, names, criteria, report, [] if trace is None else trace, [*kept])
@@ -88,6 +91,9 @@ def select(
     current, steps = base, list[tuple[str, float]]()
     tried: dict[str, Tried] = {}
     counts: dict[str, int] = {}
+    if begin is not None:
+        current, steps = begin.final, [(n, begin.gains[n]) for n in begin.effects]
+        counts = {n: begin.among.get(n, begin.candidates) for n in begin.effects}
     while True:
         report("scoring the catalogue")
         scores = search.scores(current)
@@ -122,7 +128,18 @@ def select(
         seen = sorted([*seen, *others], key=lambda s: -s.gain)
     kept[:] = [one for one in search.made if one[0] is first]
     near = leads(seen, tried, selection.effects, selection.dropped, selection.final, criteria)
-    return replace(selection, leads=near)
+    return replace(selection, leads=near, undecided=_undecided(search, selection.final))
+
+
+def _undecided(search: Search, final: Fit) -> tuple[Tried, ...]:
+    """Return fits from the final one with an effect that is not named and not refuted.
+
+    By likelihood it misses what is asked by less than rivals may differ.
+    """
+    criteria = search.criteria
+    made = [t for before, _, t in search.made if before is final and t is not None]
+    asked = criteria.least - criteria.apart
+    return tuple(t for t in made if t.gain >= asked + criteria.each * t.numbers)
 
 
 def _forbidden(seen: Sequence[Scored]) -> list[Decision]:

@@ -132,5 +132,5 @@ def test_a_model_file_holds_the_memory_and_its_time_constant(tmp_path):
 
 
 def test_two_memories_in_one_law_are_refused():
-    with pytest.raises(hc.InputError, match="two filtered factors; one is the most"):
+    with pytest.raises(hc.InputError, match="two factors with numbers of their own; one is the most"):
         law_class("law_w__filtered_a__filtered_b", {"w": "rad/s", "a": "V", "b": "V"})

@@ -9,11 +9,9 @@ import hovercontrol as hc
 from hovercontrol.identification.diagnose.criteria import CRITERIA
 from hovercontrol.identification.diagnose.evidence.holdout import held_fit
 from hovercontrol.identification.diagnose.laws.grammar import law_names
+from hovercontrol.identification.diagnose.laws.scan import yardsticks
 from hovercontrol.identification.diagnose.laws.screen import effective_tests, screened
-from hovercontrol.identification.diagnose.laws.yardstick import yardsticks
 from hovercontrol.identification.diagnose.search.base import base_fit
-from hovercontrol.identification.diagnose.search.candidates import Candidate
-from hovercontrol.identification.diagnose.search.score import Scores
 from hovercontrol.identification.engine.data import gather
 
 DT, N = 0.05, 800
@@ -84,48 +82,6 @@ def test_the_yardstick_of_a_held_out_log_leaves_the_coefficients_as_they_are(lac
         (of_r,) = yardsticks(held, ["r"])
     assert of_r.gain > 20.0
     assert set(of_r.signals) <= {"v", "r", "rudder"}
-
-
-@pytest.fixture(scope="module")
-def lacking_three():
-    """Return a model that lacks a function of each of its three signals, and logs by scipy."""
-    S = hc.Signal
-    w, a, b = S("w", "m/s"), S("a", "m/s^2"), S("b", "m/s^2")
-    p = {
-        n: S(n, unit, start=start)
-        for n, unit, start in (("d", "1/s", 1.0), ("ka", "1", 1.0), ("kb", "1", 1.0))
-    }
-    d, ka, kb = (s.symbol for s in p.values())
-    rate = -d * w.symbol + ka * a.symbol + kb * b.symbol
-    model = hc.BlockModel(hc.Block("three", [w], [a, b], [w], list(p.values()), {"w": rate}))
-
-    def log(seed):
-        rng = np.random.default_rng(seed)
-        t = DT * np.arange(N)
-        one, two = (np.repeat(rng.uniform(-1.0, 1.0, N // k + 1), k)[:N] for k in (13, 19))
-
-        def slope(at, x):
-            k = min(int(at / DT + 1e-9), N - 1)
-            known = -x[0] + one[k] + two[k]
-            return [known - 0.3 * x[0] * abs(x[0]) - 0.4 * one[k] ** 3 + 0.4 * abs(two[k])]
-
-        run = solve_ivp(slope, (0.0, t[-1]), [0.0], t_eval=t, max_step=DT, rtol=1e-8, atol=1e-10)
-        seen = run.y[0] + 2e-3 * rng.normal(size=N)
-        return hc.Log(f"log {seed}", t, {"w": seen, "a": one, "b": two})
-
-    return model, [log(0), log(1)]
-
-
-def test_the_yardstick_of_three_takes_most_of_what_the_true_functions_take(lacking_three):
-    model, logs = lacking_three
-    true = [model.effect_class(n)(1.0) for n in ("law_w__abs_w__w", "law_w__cub_a", "law_w__abs_b")]
-    with threadpool_limits(1, "blas"):
-        base = base_fit(model, gather(model, logs))
-        (of_w,) = yardsticks(base, ["w"])
-    exact = Scores(base, [Candidate(e.name, e, ("value",)) for e in true])
-    assert sorted(of_w.signals) == ["a", "b", "w"]
-    columns = [c for k in range(len(true)) for c in exact.columns_of(k)]
-    assert 0.8 < of_w.gain / exact.left_out_gain_of(tuple(columns)) < 1.05
 
 
 def test_the_yardstick_gives_nothing_where_nothing_is_missing():

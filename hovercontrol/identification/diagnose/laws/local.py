@@ -1,0 +1,191 @@
+"""A form must fit where it acts; what acts in one regime only is a function, or a form with a limit.
+
+For each named effect the flexible yardstick of its own signals is asked: if a function of them still gains
+significantly on left-out blocks (:mod:`.scan`), its form is wrong and it is no name. What an equation then
+lacks is taken as a function of the signal that tells most of it, zero where it does not act, so that all
+other coefficients are fitted where nothing is missing. A form of few numbers stands in its place if it is as
+likely. Both are laws, fitted, confirmed and held out like any other effect.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+from hovercontrol.base.arrays import Array
+from hovercontrol.craft.effects.law import Law, TableLaw
+from hovercontrol.identification.diagnose.criteria import CRITERIA, Criteria
+from hovercontrol.identification.diagnose.evidence.sensors import only_noise
+from hovercontrol.identification.diagnose.laws.nearest import nearest
+from hovercontrol.identification.diagnose.laws.scan import Local, Scan
+from hovercontrol.identification.diagnose.places import inputs_of
+from hovercontrol.identification.diagnose.search.confirm import Selection, confirmed
+from hovercontrol.identification.diagnose.search.fit import Search, Tried, beside, try_effect
+from hovercontrol.identification.diagnose.search.hold_out import HeldOut, held_out, without
+from hovercontrol.identification.diagnose.search.searched import shown
+from hovercontrol.identification.diagnose.search.trace import Decision
+from hovercontrol.identification.engine.data import Data
+from hovercontrol.identification.engine.fit import Fit
+from hovercontrol.identification.engine.subject import Subject, structure
+
+#: Forms of few numbers that are fitted in place of a function.
+FORMS = 2
+
+
+def with_functions(
+    found: HeldOut,
+    model: Subject,
+    data: Data | None,
+    *,
+    early: bool = False,
+    criteria: Criteria = CRITERIA,
+    report: Callable[[str], None] = lambda what: None,
+    trace: list[Decision] | None = None,
+) -> HeldOut:
+    """Return a search without names of a wrong form, and with what acts in one regime only.
+
+    Parameters
+    ----------
+    found : HeldOut
+        What the search of the catalogue and of laws found.
+    model : Model or BlockModel
+        The given model.
+    data : Data, optional
+        The held-out logs; None if there are none.
+    early : bool, optional
+        Whether laws are searched afterwards: what is a law everywhere is left to that search.
+    criteria, report, trace
+        As for :func:`.select`.
+    """
+    if only_noise(found.selection.final, criteria):
+        return found
+    given, rows = found, [] if trace is None else trace
+    search = Search(model, None, criteria, report, rows)
+    wrong = _of_wrong_form(found.selection, criteria, rows)
+    if wrong:
+        reason = f"its form is wrong: a function of its own signals gains {max(wrong.values()):.3g} more"
+        found = without(found, list(wrong), reason)
+    report("looking for what acts in one regime only")
+    final, added = found.selection.final, dict[str, int]()
+    seen = _locals(final, criteria, rows)
+    for local, along in seen:
+        t = _fitted(search, final, local, along)
+        if t is not None and early and isinstance(t.effect, Law) and t.effect.curve() is None:
+            return given
+        if t is not None:
+            final, added[t.name] = t.fit, local.among
+    unnamed = replace(found, selection=replace(found.selection, regions=tuple(one for one, _ in seen)))
+    if not added:
+        return unnamed
+    more = _selected(search, found.selection, final, added)
+    report("predicting the held-out logs with the functions")
+    again = held_out(more, data, criteria, rows)
+    named = again.selection.effects
+    unseen = [n for n in named if n in added and data and not shown(again.evidence[n], criteria)]
+    if unseen:
+        again = without(again, unseen, "held-out logs do not show it by themselves")
+    return again if any(n in added for n in again.selection.effects) else unnamed
+
+
+def _of_wrong_form(selection: Selection, criteria: Criteria, rows: list[Decision]) -> dict[str, float]:
+    """Return the named effects of whose own signals a function still gains, with that gain."""
+    final = selection.final
+    wrong = {}
+    for name in selection.effects:
+        signals, equations = own_signals(final, name)
+        gains = [
+            one.gain
+            for e, left in zip(final.problem.driven_names, criteria.left(final), strict=True)
+            if left and e in equations
+            for one in Scan(final, e, signals).found()
+        ]
+        gain, rule = max(gains, default=0.0), "gain of functions of its own signals beside it, below"
+        rows.append(Decision("challenge", name, rule, gain, criteria.least, gain < criteria.least))
+        if gain >= criteria.least:
+            wrong[name] = gain
+    return wrong
+
+
+def own_signals(fit: Fit, name: str) -> tuple[set[str], set[str]]:
+    """Return the signals in an effect's terms, and the states in whose equations they stand.
+
+    Of one that changes commands they are these commands, and all equations.
+    """
+    problem, block = fit.problem, structure(fit.problem.model)
+    e = fit.problem.model.effect(name)
+    if e.place() in ("sensor", "clock"):
+        return set(), set()
+    if e.place() != "force":
+        return set(inputs_of(e, block, craft=problem.model.is_craft)), set(problem.driven_names)
+    own = {block.parameter(e.parameter(k)).symbol for k in e.numbers}
+    signals, equations = set[str](), set[str]()
+    for state in problem.driven_names:
+        terms = block.expand(block.derivatives[state]).expand().as_ordered_terms()
+        mine = [term for term in terms if term.free_symbols & own]
+        if mine:
+            equations.add(state)
+            signals |= {str(s) for term in mine for s in term.free_symbols}
+    return signals & set(problem.model.law_units()), equations
+
+
+def _locals(final: Fit, criteria: Criteria, rows: list[Decision]) -> list[tuple[Local, Array]]:
+    """Return the function that gains most in each equation with more than noise, the best first.
+
+    With its signal along the logs.
+    """
+    found = []
+    for equation, left in zip(final.problem.driven_names, criteria.left(final), strict=True):
+        scan = Scan(final, equation) if left else None
+        for local in scan.found() if scan else ():
+            rule, passed = "gain of the function on left-out blocks, at least", local.gain >= criteria.least
+            rows.append(Decision("score", local.table(), rule, local.gain, criteria.least, passed))
+            found += [(local, scan.values[local.of.signal])] if scan and passed else []
+    return sorted(found, key=lambda one: -one[0].gain)
+
+
+def _fitted(search: Search, final: Fit, local: Local, along: Array) -> Tried | None:
+    """Return the fit with a function as a table, or with a form of few numbers that is as likely."""
+    model, criteria = final.problem.model, search.criteria
+    search.report(f"trying a function of {local.of.argument} in {local.equation}'")
+    table = model.effect_class(local.table())(low=local.low, high=local.high)
+    tried = try_effect(search, final, table)
+    if tried is None or tried.gain < criteria.least:
+        return None
+    fits = [tried]
+    law = tried.fit.model.effect(table.name)
+    assert isinstance(law, TableLaw)
+    for form in nearest(model, local.forms(), law, along)[:FORMS]:
+        search.report(f"trying {form.name} in its place")
+        try:
+            fit = search.fit(tried.fit, final.model.with_effects([form]))
+        except FloatingPointError:
+            continue
+        fits.append(beside(fit, final, form.name))
+    return min(fits, key=lambda t: criteria.penalised(t.fit))
+
+
+def _selected(search: Search, selection: Selection, final: Fit, added: Mapping[str, int]) -> Selection:
+    """Return a selection with functions, each effect confirmed beside the others.
+
+    Parameters
+    ----------
+    added : mapping of str to int
+        The number of functions from which each was chosen.
+    """
+    looked_at = selection.candidates
+    counts = {n: selection.among.get(n, looked_at) for n in selection.effects}
+    counts |= {n: looked_at + scanned for n, scanned in added.items()}
+    now = confirmed(search, selection.base, final, list(counts), counts)
+    return replace(
+        selection,
+        final=now.final,
+        effects=tuple(now.own),
+        gains={n: t.gain for n, t in now.own.items()},
+        blocks={n: t.blocks for n, t in now.own.items()},
+        without=now.without,
+        among=counts,
+        rivals=tuple(r for r in selection.rivals if r.instead_of in now.own),
+        alternatives=(),
+        undecided=(),
+        leads=(*now.dropped, *(lead for lead in selection.leads if lead.name not in now.own)),
+    )

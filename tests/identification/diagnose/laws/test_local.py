@@ -1,0 +1,89 @@
+"""What acts in one regime only: the scan finds where, and the nearest form has the true numbers."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import hovercontrol as hc
+from hovercontrol.craft.models.interface import as_model
+from hovercontrol.identification.diagnose.laws.local import own_signals
+from hovercontrol.identification.diagnose.laws.nearest import nearest
+from hovercontrol.identification.diagnose.laws.scan import Scan
+from hovercontrol.identification.diagnose.search.base import base_fit
+from hovercontrol.identification.diagnose.search.fit import Search
+from hovercontrol.identification.engine.data import gather
+
+x, v, F = hc.Signal("x", "m"), hc.Signal("v", "m/s"), hc.Signal("F", "N")
+k, c = hc.Signal("k", "1/kg", start=0.9), hc.Signal("c", "1/s", start=0.5)
+CART = hc.Block(
+    "cart", [x, v], [F], [x, v], [k, c], {"x": v.symbol, "v": k.symbol * F.symbol - c.symbol * v.symbol}
+)
+
+
+def model():
+    return as_model(CART)
+
+
+def driven(seed, extra, n=1500, h=0.02):
+    """Return a log of the cart with a further acceleration, a function of its velocity."""
+    rng = np.random.default_rng(seed)
+    force = np.repeat(rng.uniform(-2.5, 2.5, n // 50), 50)
+    rows, at, speed = np.empty((n, 2)), 0.0, 0.0
+    for i in range(n):
+        rows[i] = at, speed
+        for _ in range(10):
+            at, speed = at + h / 10 * speed, speed + h / 10 * (0.9 * force[i] - 0.5 * speed + extra(speed))
+    rows += rng.normal(size=rows.shape) * [1e-3, 5e-3]
+    return hc.Log("log", h * np.arange(n), {"x": rows[:, 0], "v": rows[:, 1], "F": force})
+
+
+@pytest.fixture(scope="module")
+def fit():
+    """Return the fit of the cart to a log with a further drag above 1.2 m/s."""
+    log = driven(1, lambda s: -1.5 * np.sign(s) * max(abs(s) - 1.2, 0.0))
+    return base_fit(model(), gather(model(), [log]))
+
+
+def test_the_scan_finds_the_signal_and_where_the_drag_acts(fit):
+    (best,) = Scan(fit, "v").found()
+    assert best.of.signal == "v" and best.of.of_abs and best.gain > 100.0
+    (back, ahead) = best.region()
+    assert back["high"] == -ahead["low"] and ahead["high"] is None
+    assert best.low < 1.2 < best.high
+
+
+def test_nothing_is_found_where_nothing_is_missing():
+    (best,) = Scan(base_fit(model(), gather(model(), [driven(2, lambda s: 0.0)])), "v").found() or [None]
+    assert best is None or best.gain < 20.0
+
+
+@pytest.mark.parametrize(
+    ("wanted", "function", "at"),
+    [
+        ("law_v__saturating_v", lambda a: 2.0 * a / (0.6 + a), 0.6),
+        ("law_v__over_v", lambda a: 2.0 * np.maximum(a - 1.0, 0.0), 1.0),
+    ],
+)
+def test_the_nearest_form_to_a_table_is_the_one_it_was_made_of(wanted, function, at):
+    cls = model().effect_class("law_v__rise_v")
+    places = np.linspace(0.0, 3.0, 6)
+    table = cls(low=0.0, high=3.0, **{f"y{i}": float(function(places[i])) for i in range(1, 6)})
+    names = ["law_v__v", *(f"law_v__{form}_v" for form in ("saturating", "over", "decaying", "sqr"))]
+    best = nearest(model(), names, table, np.linspace(0.0, 3.0, 300))[0]
+    assert best.name == wanted and best.values["at"] == pytest.approx(at, rel=0.35)
+
+
+def test_the_own_signals_of_an_effect_are_those_of_its_terms(fit):
+    law = model().effect_class("law_v__F__abs_v")(0.0)
+    other = fit.problem.of(model().with_effects([law]))
+    assert own_signals(SimpleNamespace(problem=other), law.name) == ({"F", "v"}, {"v"})
+
+
+def test_a_fit_with_other_times_that_runs_away_leaves_the_fit_as_it_is(fit, monkeypatch):
+    def runs_away(*_, **__):
+        raise FloatingPointError("the model runs away")
+
+    monkeypatch.setattr("hovercontrol.identification.diagnose.search.fit.refit", runs_away)
+    search = Search(model(), None, None, lambda what: None)
+    assert search.fit(fit, fit.model, times=True) is fit
