@@ -13,7 +13,7 @@ from __future__ import annotations
 import sys
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from functools import cache
 
 import numpy as np
@@ -25,6 +25,7 @@ import hovercontrol as hc
 from hovercontrol.blocks.expressions import Expressions
 from hovercontrol.blocks.random_numbers import random_numbers
 from hovercontrol.blocks.simulation.sampled import Ticking
+from hovercontrol.craft.models.interface import AnyModel, as_model
 from hovercontrol.identification.monitor.monitor import named_effects
 
 Array = NDArray[np.float64]
@@ -68,12 +69,12 @@ def craft() -> hc.Model:
     )  # fmt: skip
 
 
-def pushed(model: hc.Model) -> hc.Block:
+def pushed(model: AnyModel, driven: Collection[str] = tuple(PROCESS)) -> hc.Block:
     """Return the plant with accelerations ``push_NAME`` as inputs."""
-    plant = model.plant()
-    push = [hc.Signal(f"push_{k}", f"({plant.signal(k).unit})/s") for k in PROCESS]
+    plant = as_model(model).plant()
+    push = [hc.Signal(f"push_{k}", f"({plant.signal(k).unit})/s") for k in driven]
     rates = dict(plant.derivatives)
-    for k, s in zip(PROCESS, push, strict=True):
+    for k, s in zip(driven, push, strict=True):
         rates[k] = rates[k] + s.symbol
     return hc.Block(
         plant.name, plant.states, (*plant.inputs, *push), plant.outputs, plant.parameters, rates,
@@ -81,10 +82,10 @@ def pushed(model: hc.Model) -> hc.Block:
     )  # fmt: skip
 
 
-def law() -> list[hc.Block]:
+def law(model: hc.Model | None = None) -> list[hc.Block]:
     """Return the reference, the controller, which reads the true motion, and the hold of its commands."""
     way = hc.ellipse(1.4, 2.0, 0.7, 0.0)
-    controller = hc.tracking_controller(craft(), control_point=0.6, k1=1.0, k2=1.5)
+    controller = hc.tracking_controller(model or craft(), control_point=0.6, k1=1.0, k2=1.5)
     sent = [hc.Signal("thrust", "1"), hc.Signal("rudder", "rad")]
     wanted = [s.replace(name=f"{s.name}_wanted") for s in sent]
     values = {s.name: w.symbol for s, w in zip(sent, wanted, strict=True)}

@@ -35,6 +35,7 @@ _OWN = {
     "numpy": "to_numpy",
     "control": "to_control",
     "compiled": "compile",
+    "c": "to_c",
     "fmu": "to_fmu",
     "casadi": "to_casadi",
     "jax": "to_jax",
@@ -69,10 +70,10 @@ class Backends:
     def to(self, backend: str, **options: Any) -> Any:
         """Return the Block in the form of a backend, by the backend's name.
 
-        Backends of this package are ``numpy``, ``control``, ``compiled``, ``fmu``, ``casadi``, ``jax`` and
-        ``gym``: the methods :meth:`to_numpy`, :meth:`to_control`, :meth:`compile`, :meth:`to_fmu`,
-        :meth:`to_casadi`, :meth:`to_jax` and :meth:`gym`. Another package adds a backend by an entry point of
-        the group ``hovercontrol.backends``
+        Backends of this package are ``numpy``, ``control``, ``compiled``, ``c``, ``fmu``, ``casadi``, ``jax``
+        and ``gym``: the methods :meth:`to_numpy`, :meth:`to_control`, :meth:`compile`, :meth:`to_c`,
+        :meth:`to_fmu`, :meth:`to_casadi`, :meth:`to_jax` and :meth:`gym`. Another package adds a backend by
+        an entry point of the group ``hovercontrol.backends``
         (:mod:`hovercontrol.blocks.installed_backends`): a function of the Block and the options.
 
         Parameters
@@ -241,6 +242,36 @@ class Backends:
         from hovercontrol.blocks.backends.compiled import compile_block
 
         return compile_block(self.in_continuous_time, friction=friction)
+
+    def to_c(self, folder: str | Path) -> list[Path]:
+        """Write a sampled Block as C99 for a board: header, code and an example program.
+
+        Parameters
+        ----------
+        folder : path
+            Receives NAME.h, NAME.c, model.c, main.c and the headers that they include.
+
+        Returns
+        -------
+        list of Path
+
+        Raises
+        ------
+        InputError
+            If the Block is not sampled with one period.
+
+        Examples
+        --------
+        >>> import tempfile, hovercontrol as hc
+        >>> v = hc.Signal("v", "m/s")
+        >>> slow = hc.Block("slow", [v], [], [v], [], {"v": 0.5 * v.symbol}, period=0.1)
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     [file.name for file in slow.to_c(folder + "/slow")][:4]
+        ['slow.h', 'slow.c', 'model.c', 'main.c']
+        """
+        from hovercontrol.blocks.backends.board import write_c
+
+        return write_c(self._block, folder)
 
     def to_fmu(
         self,

@@ -7,6 +7,8 @@ from types import MappingProxyType
 from typing import Any
 
 import sympy as sp
+from sympy.core.relational import Relational
+from sympy.logic.boolalg import BooleanFunction
 
 from hovercontrol.base.errors import InputError
 
@@ -51,8 +53,8 @@ def _as_expression(name: str, value: Any) -> sp.Expr:
 def with_symbols(expression: sp.Expr, swap: Mapping[sp.Symbol, sp.Symbol]) -> sp.Expr:
     """Return an expression with some symbols replaced by others.
 
-    Like ``xreplace``, but minima and maxima keep the order of their arguments, because SymPy would compare
-    the arguments again, which is slow.
+    Like ``xreplace``, but minima, maxima, conditions and what they select keep their arguments, because SymPy
+    would compare and simplify them again, which is slow.
 
     Examples
     --------
@@ -68,7 +70,7 @@ def with_symbols(expression: sp.Expr, swap: Mapping[sp.Symbol, sp.Symbol]) -> sp
         args = [changed(a) for a in e.args]
         if all(a is b for a, b in zip(args, e.args, strict=True)):
             found = e
-        elif isinstance(e, (sp.Min, sp.Max)):
+        elif isinstance(e, (sp.Min, sp.Max, sp.Piecewise, Relational, BooleanFunction)):
             found = e.func(*args, evaluate=False)
         else:
             found = e.func(*args)

@@ -57,4 +57,5 @@ class sgn(sp.Function):  # noqa: N801  (reads as in the papers)
 
 def regularise(expression: sp.Expr) -> sp.Expr:
     """Return the expression with every ``sgn(v, w)`` written as ``tanh(v/w)``."""
-    return expression.replace(sgn, lambda v, w: sp.tanh(v / w))
+    signs = expression.atoms(sgn)
+    return expression.replace(sgn, lambda v, w: sp.tanh(v / w)) if signs else expression

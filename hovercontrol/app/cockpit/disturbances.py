@@ -40,6 +40,12 @@ def _knob(name: str, unit: str, start: float, lower: float, upper: float, *param
     return Knob(Signal(name, unit, name, start=start, lower=lower, upper=upper), parameters)
 
 
+def _effect(name: str, knob: str, unit: str, start: float, lower: float, upper: float) -> Disturbance:
+    """Return the disturbance of one number of an effect, under the effect's name, as the monitor says it."""
+    title = name.replace("_", " ").capitalize()
+    return Disturbance(title, (name,), (_knob(knob, unit, start, lower, upper, name),))
+
+
 #: Every disturbance by its key.
 DISTURBANCES: dict[str, Disturbance] = {
     "wind": Disturbance(
@@ -58,36 +64,15 @@ DISTURBANCES: dict[str, Disturbance] = {
         ("slope",),
         (_knob("x", "m/s^2", 0.0, -0.5, 0.5, "slope_x"), _knob("y", "m/s^2", -0.1, -0.5, 0.5, "slope_y")),
     ),
-    "yaw_linear_drag": Disturbance(
-        "Yaw friction",  # what K06's craft had, see scenario k06-field-turn
-        ("yaw_linear_drag",),
-        (_knob("coefficient", "1/s", 2.459, 0.0, 5.0, "yaw_linear_drag"),),
+    # K06's craft had a linear drag in yaw, see scenario k06-field-turn
+    "yaw_linear_drag": _effect("yaw_linear_drag", "coefficient", "1/s", 2.459, 0.0, 5.0),
+    "yaw_coulomb": _effect("yaw_coulomb", "coefficient", "rad/s^2", 0.8, 0.0, 4.0),
+    "surge_coulomb": _effect("surge_coulomb", "coefficient", "m/s^2", 0.1, 0.0, 1.0),
+    "body_side_force": _effect("body_side_force", "push", "m/s^2", 0.1, -0.5, 0.5),
+    "rudder_offset": _effect(
+        "rudder_offset", "angle", "rad", math.radians(5), -math.radians(20), math.radians(20)
     ),
-    "yaw_coulomb": Disturbance(
-        "Yaw friction, dry",
-        ("yaw_coulomb",),
-        (_knob("coefficient", "rad/s^2", 0.8, 0.0, 4.0, "yaw_coulomb"),),
-    ),
-    "surge_coulomb": Disturbance(
-        "Surge friction, dry",
-        ("surge_coulomb",),
-        (_knob("coefficient", "m/s^2", 0.1, 0.0, 1.0, "surge_coulomb"),),
-    ),
-    "body_side_force": Disturbance(
-        "Leak on the right",
-        ("body_side_force",),
-        (_knob("push", "m/s^2", 0.1, -0.5, 0.5, "body_side_force"),),
-    ),
-    "rudder_offset": Disturbance(
-        "Rudder offset",
-        ("rudder_offset",),
-        (_knob("angle", "rad", math.radians(5), -math.radians(20), math.radians(20), "rudder_offset"),),
-    ),
-    "reverse_thrust_loss": Disturbance(
-        "Weak reverse thrust",
-        ("reverse_thrust_loss",),
-        (_knob("part", "1", 0.5, 0.0, 1.0, "reverse_thrust_loss"),),
-    ),
+    "reverse_thrust_loss": _effect("reverse_thrust_loss", "part", "1", 0.5, 0.0, 1.0),
 }
 
 #: What is there in the real loop only; parameters with the keys that they have in the whole.

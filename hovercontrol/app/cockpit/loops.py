@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import asyncio
+import multiprocessing
 import threading
 from collections.abc import Callable
 from contextlib import suppress
-from typing import TypeVar
+from functools import lru_cache
+from multiprocessing.connection import Connection
+from typing import Any, TypeVar, cast
 
 from hovercontrol.app.cockpit.loop import Loop
 from hovercontrol.app.cockpit.orders import Flown
@@ -76,7 +79,9 @@ class Loops:
         self._pacer.fly(self._known[kind])
 
     async def watch(self) -> None:
-        """Let a monitor watch the present loop, once it is built; time goes on meanwhile.
+        """Let a monitor watch the present loop, once it is built in a process of its own.
+
+        Time goes on meanwhile: in this process the building would hold up the pacer and the pilot's messages.
 
         Raises
         ------
@@ -85,7 +90,7 @@ class Loops:
         """
         self.building = True
         try:
-            watch = await built(lambda: Watch(watch_block(self._pacer.loop.model)))
+            watch = await built(lambda: Watch(elsewhere(watch_block, self._pacer.loop.model)))
         finally:
             self.building = False
         self._pacer.monitor(watch)
@@ -112,3 +117,34 @@ async def built(make: Callable[[], T]) -> T:
 
     threading.Thread(target=work, name="cockpit: building", daemon=True).start()
     return await done
+
+
+@lru_cache(maxsize=2)
+def elsewhere(make: Callable[[Model], T], model: Model) -> T:
+    """Return what a function makes of a craft in a process of its own, which ends with this one.
+
+    Raises
+    ------
+    InputError, RuntimeError
+        As of the function, or if the process ends without a result.
+    """
+    context = multiprocessing.get_context("spawn")
+    receiver, sender = context.Pipe(duplex=False)
+    process = context.Process(target=_send, args=(sender, make, model), daemon=True)
+    process.start()
+    sender.close()
+    try:
+        found = receiver.recv()
+    except EOFError:
+        raise RuntimeError("the process that builds the monitor ended without a result") from None
+    process.join()
+    if isinstance(found, Exception):
+        raise found
+    return cast(T, found)
+
+
+def _send(sender: Connection, make: Callable[[Model], Any], model: Model) -> None:
+    try:
+        sender.send(make(model))
+    except Exception as error:
+        sender.send(error)

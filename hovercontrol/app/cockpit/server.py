@@ -225,7 +225,7 @@ class Console:
 
     async def _watch(self, talk: web.WebSocketResponse) -> None:
         try:
-            news = "Building the monitor: half a minute, more the first time."
+            news = "Building the monitor: half a minute, more the first time. The craft flies on."
             await talk.send_json({"news": news, "wait": True})
             await self.loops.watch()
             await self._tell_all({"news": "The monitor watches."})

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -30,9 +29,6 @@ PROCESS = {"u": 0.01, "v": 0.01, "r": 0.02}
 #: Wanted rate of false alarms, one in ten hours [1/h].
 FALSE_ALARMS_PER_HOUR = 0.1
 
-#: Time after an alarm for which evidence is collected [s].
-HOLD = 5.0
-
 #: Alarms that the page lists, the last ones.
 LISTED = 5
 
@@ -41,13 +37,12 @@ LISTED = 5
 ALIKE = {"slope_x": "wind", "slope_y": "wind", "yaw_coulomb": "yaw_linear_drag"}
 
 
-@lru_cache(maxsize=2)
 def watch_block(model: Model) -> Block:
     """Return the monitor of a craft with the effects of its disturbances, each a coefficient of the model."""
     plant = one_air_drag(model.plant())
     known = [_short(p) for p in plant.parameters]
     names = [n for n in known if not n.startswith("wind_") and not n.endswith("_width")]
-    return monitor(
+    block = monitor(
         plant,
         names,
         false_alarms_per_hour=FALSE_ALARMS_PER_HOUR,
@@ -56,6 +51,8 @@ def watch_block(model: Model) -> Block:
         measurement_noise=NOISE,
         start_std={"x": 0.01, "y": 0.01, "psi": 0.02, "u": 0.1, "v": 0.1, "r": 0.1},
     )
+    Feed(block)  # compiled into the cache of all processes
+    return block
 
 
 def one_air_drag(plant: Block) -> Block:
@@ -104,7 +101,7 @@ class Watch:
 
     def restart(self) -> None:
         """Begin anew with the model as it is: the craft was put back to its start."""
-        self._feed, self._alarms = Feed(self._block), Alarms(self._block, HOLD)
+        self._feed, self._alarms = Feed(self._block), Alarms(self._block)
         self._last: Tick | None = None
         self._begun: float | None = None
 

@@ -56,9 +56,12 @@ def monitor(
         float, typer.Option("--false-alarms-per-hour", help="Wanted rate of false alarms.")
     ] = 0.1,
     hold: Annotated[
-        float,
-        typer.Option(help="Seconds after an alarm in which evidence is collected; then the tests restart."),
-    ] = 5.0,
+        float | None,
+        typer.Option(
+            help="Seconds after an alarm in which evidence is collected (default: 5; of a machine that is "
+            "not a craft 50 to 1000 periods)."
+        ),
+    ] = None,
     follow: Annotated[
         bool,
         typer.Option(
@@ -93,7 +96,7 @@ def monitor(
     if out is not None:
         check_folder(out)
     _check_follow(log, sound, follow, any((out, json, frame, bench, only_while, trial, period)))
-    if not hold > 0.0:
+    if hold is not None and not hold > 0.0:
         raise InputError(f"monitor: --hold: expected a positive time in seconds, found {hold:g}")
     if not false_alarms_per_hour > 0.0:
         raise InputError(
@@ -155,7 +158,7 @@ def _check_follow(log: str, sound: str | None, follow: bool, others: bool) -> No
         raise InputError("monitor: --follow needs --sound LOG: a sound log, for the noise and the period")
 
 
-def _follow(built: Built, log: str, columns: str, hold: float, missing: list[float]) -> int:
+def _follow(built: Built, log: str, columns: str, hold: float | None, missing: list[float]) -> int:
     """Print the events of a growing table; return 1 after an alarm."""
     from hovercontrol.identification.monitor.follow import follow, json_line
     from hovercontrol.identification.monitor.lines import growing_lines, lines_of

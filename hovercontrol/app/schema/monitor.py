@@ -12,15 +12,20 @@ class AlarmRow(TypedDict):
     """An alarm."""
 
     time: Annotated[float, "when it was raised, s"]
-    name: Annotated[str, "of the candidate, of the channel of a dead sensor, or of a lost command"]
-    kind: Literal["change", "bias", "dead"]
-    change: Annotated[float | None, "of the coefficient; null for a dead sensor"]
+    name: Annotated[
+        str, "of the candidate, the state with an unknown acceleration, the dead sensor, or the lost command"
+    ]
+    kind: Literal["change", "bias", "unknown", "dead"]
+    change: Annotated[float | None, "of the coefficient, or unknown acceleration; null for a dead sensor"]
     std: Annotated[float | None, "standard error of the change"]
     unit: str
     since: Annotated[float, "estimated onset, s"]
     rivals: Annotated[list[str], "candidates that the samples cannot tell apart from it"]
     evidence: Annotated[float | None, "twice the log-likelihood ratio"]
     last: Annotated[float, "when it was seen for the last time, s"]
+    rate: Annotated[float | None, "of the change, per s"]
+    rate_std: Annotated[float | None, "standard error of the rate; null if there is none"]
+    ended: Annotated[float | None, "when the change ended, s; null while it has not"]
 
 
 class Monitored(TypedDict):
@@ -52,11 +57,11 @@ class Started(TypedDict):
 class AlarmEvent(AlarmRow):
     """An alarm, or what came of it.
 
-    `alarm`: raised. `named`: the evidence is collected. `dead`: no samples of a sensor, no values of a
-    command, or no rows at all. `back`: they come again.
+    `alarm`: raised. `named`: the evidence is collected. `ended`: the change has ended. `dead`: no samples of
+    a sensor, no values of a command, or no rows at all. `back`: they come again.
     """
 
-    event: Literal["alarm", "named", "dead", "back"]
+    event: Literal["alarm", "named", "ended", "dead", "back"]
 
 
 class Fault(TypedDict):
@@ -103,7 +108,7 @@ def monitor_schema() -> Schema:
     Examples
     --------
     >>> monitor_schema()["properties"]["alarms"]["items"]["properties"]["kind"]["enum"]
-    ['change', 'bias', 'dead']
+    ['change', 'bias', 'unknown', 'dead']
     """
     body = of_type(Monitored)
     return document("hovercontrol monitor", body.pop("description"), body)

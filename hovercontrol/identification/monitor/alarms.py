@@ -1,8 +1,9 @@
 """Alarms of a monitor over time: when, what, how large, since when, and what else it may be.
 
-After an alarm the evidence is collected for some seconds, which makes the name and the size sharper. Then
-the tests restart: a change of the model's own coefficient or a bias that has no rival is put into the monitor
-first; any other change stays, and when the tests find it again it is the same alarm, seen once more.
+After an alarm the evidence is collected for some seconds, which makes the name and the size sharper; longer
+while there is a rival. A change of the model's own coefficient or a bias that has no rival is then put into
+the monitor, and the tests restart. Any other change stays open: its size is followed until it has ended, or
+is not significant any more. If its name is refuted meanwhile, what takes its place is another alarm.
 """
 
 from __future__ import annotations
@@ -13,13 +14,17 @@ from dataclasses import dataclass, replace
 
 from hovercontrol.blocks.block import Block
 from hovercontrol.identification.monitor.feed import Tick, candidates_in, measured_of, parameter_of, unit_of
+from hovercontrol.identification.monitor.monitor import named_effects
 from hovercontrol.identification.monitor.notes import Note
 
-#: Time after an alarm for which evidence is collected before the tests restart [s].
-HOLD = 5.0
+#: Time after an alarm for which evidence is collected, in times of settling: 5 s for a craft.
+HOLD = 2.5
 
 #: While there is a rival, evidence is collected for at most this many times as long.
 LONGER = 3.0
+
+#: Standard errors beyond which a change or a rate is significant: the probability by chance is 1 in 370.
+SIGNIFICANT = 3.0
 
 
 @dataclass(frozen=True)
@@ -33,7 +38,8 @@ class Alarm:
     name : str
         Of the candidate, or of the channel of a dead sensor or a lost command.
     kind : str
-        ``"change"``, ``"bias"`` of a channel, or ``"dead"`` sensor.
+        ``"change"``, ``"bias"`` of a channel, ``"unknown"`` acceleration that no candidate explains (its name
+        is that of the state), or ``"dead"`` sensor.
     change, std : float
         Change of the coefficient and its standard error; not a number for a dead sensor.
     unit : str
@@ -45,6 +51,10 @@ class Alarm:
         Twice the log-likelihood ratio.
     last : float
         When it was seen for the last time [s]; for a dead sensor, when its samples came back.
+    rate, rate_std : float, optional
+        Of the change per second, and its standard error.
+    ended : float, optional
+        When the change ended [s]; not a number while it has not.
 
     Examples
     --------
@@ -62,23 +72,40 @@ class Alarm:
     rivals: tuple[str, ...]
     evidence: float
     last: float
+    rate: float = 0.0
+    rate_std: float = math.inf
+    ended: float = math.nan
 
     def __str__(self) -> str:
         if self.kind == "dead":
             return f"{self.time:.1f} s: no samples of {self.name} since {self.since:.1f} s"
-        digits = 0 if not self.std > 0 else max(0, 1 - math.floor(math.log10(self.std)))
-        size = f"{self.change:.{digits}f} +- {self.std:.{digits}f}" if digits < 8 else f"{self.change:.3g}"
-        unit = "" if self.unit == "1" else f" {self.unit}"
-        said = (
-            f"{self.name} changed by {size}{unit}" if self.kind == "change" else f"{self.name} {size}{unit}"
-        )
+        unit, rate = "" if self.unit == "1" else f" {self.unit}", ""
+        size = f"{_sized(self.change, self.std)}{unit}"
+        said = {
+            "change": f"{self.name} changed by {size}",
+            "bias": f"{self.name} {size}",
+            "unknown": f"no candidate explains the change: an acceleration of {size} in {self.name}'",
+        }[self.kind]
+        if self.grows:
+            rate = f", growing by {_sized(self.rate, self.rate_std)}{unit} in 1 s"
         rivals = f"; or {', '.join(self.rivals)}" if self.rivals else ""
-        return f"{self.time:.1f} s: {said} since {self.since:.1f} s{rivals}"
+        ended = f"; ended at {self.ended:.1f} s" if math.isfinite(self.ended) else ""
+        return f"{self.time:.1f} s: {said} since {self.since:.1f} s{rate}{ended}{rivals}"
 
     @property
-    def names(self) -> set[str]:
-        """The name and its rivals."""
-        return {self.name, *self.rivals}
+    def significant(self) -> bool:
+        """Whether the change is more than chance."""
+        return abs(self.change) > SIGNIFICANT * self.std
+
+    @property
+    def grows(self) -> bool:
+        """Whether its rate is more than chance."""
+        return abs(self.rate) > SIGNIFICANT * self.rate_std
+
+
+def _sized(value: float, std: float) -> str:
+    digits = max(0, 1 - math.floor(math.log10(std))) if 0.0 < std < math.inf else 0
+    return f"{value:.{digits}f} +- {std:.{digits}f}" if digits < 8 else f"{value:.3g}"
 
 
 class Alarms:
@@ -89,77 +116,106 @@ class Alarms:
     block : Block
         The monitor.
     hold : float, optional
-        Time after an alarm for which evidence is collected [s].
+        Time after an alarm for which evidence is collected [s] (default: :data:`HOLD` times settling).
 
     Attributes
     ----------
     found : list of Alarm
         All alarms that are settled, in the order of their names' settling.
     open : Alarm or None
-        A change whose evidence is being collected.
+        A change that is followed.
     names : list of str
         Candidates of the monitor.
     reset_due : bool
         Whether the tests must restart at the next tick.
     silent : bool
         Whether no rows come.
+    hold : float
+        [s]
     """
 
-    def __init__(self, block: Block, hold: float = HOLD) -> None:
+    def __init__(self, block: Block, hold: float | None = None) -> None:
         self._places = {s.name: k for k, s in enumerate(block.outputs)}
         self.names, self._measured = candidates_in(block), measured_of(block)
-        self._units = {name: unit_of(block, name) for name in self.names}
-        self._hold = hold
+        self._every = named_effects(block)
+        self._units = {name: unit_of(block, name) for name in self._every}
+        self.hold = hold or HOLD * parameter_of(block, "settle")
         self.found: list[Alarm] = []
         self.open: Alarm | None = None
+        self._largest: Alarm  # the open one where it was most significant
         self.reset_due = False
+        self._told = False  # whether the open one is the last of those found
+        self._put: dict[str, int] = {}  # places of those that were put into the monitor
         self._dead: dict[str, int] = {}
         self._silence = parameter_of(block, "dead_after")
         self._time, self.silent = math.nan, False
 
     def tick(self, tick: Tick) -> Iterator[tuple[str, Alarm]]:
-        """Take a tick; give events ``alarm``, ``named``, ``dead`` and ``back`` with their alarms."""
+        """Take a tick; give events ``alarm``, ``named``, ``ended``, ``dead`` and ``back`` with alarms."""
         restarting, self.reset_due = self.reset_due, False
         if tick.begins:  # what was found before is not seen any more
             yield from self.end(self._time)
         self._time = tick.time
         yield from self._sensors(tick)
-        if restarting:  # the outputs of this tick are still those before the restart
-            return
         which = round(float(tick.values[self._places["effect"]]))
-        changed = 1 <= which <= len(self.names)
-        if self.open is None and changed:
-            self.open = self._alarm(tick, which, tick.time)
-            if not (self.found and self.found[-1].rivals and self.open.name in self.found[-1].names):
-                yield "alarm", self.open
-        elif self.open is not None and changed:
-            self.open = self._alarm(tick, which, self.open.time)
-        longer = LONGER if self.open is not None and self.open.rivals else 1.0
-        if self.open is not None and tick.time - self.open.time >= longer * self._hold:
-            yield from self.end(tick.time)
-            self.reset_due = True
+        of_sensor = len(self.names) < which <= len(self.names) + len(self._measured)
+        if restarting or not which or of_sensor:  # at a restart the outputs are still those before it
+            return
+        now = self._alarm(tick, which, tick.time if self.open is None else self.open.time)
+        if self.open is not None and self._told and now.name != self.open.name:
+            self.open, now = None, replace(now, time=tick.time)
+        if self.open is None:
+            self.open = self._largest = now
+            self._told = False
+            yield "alarm", now
+            return
+        if math.isfinite(now.ended):  # of what has ended, the size that it had
+            now = replace(now, change=self._largest.change, std=self._largest.std, rate=0.0)
+        elif (
+            now.significant
+            and not now.grows
+            and not (
+                self._largest.significant
+                and now.name == self._largest.name
+                and abs(now.change) < abs(self._largest.change)
+            )
+        ):
+            self._largest = now
+        self.open = now
+        if self._told:
+            self.found[-1] = now
+            if math.isfinite(now.ended) or not now.significant:
+                self.found[-1] = now = replace(now, ended=now.ended if math.isfinite(now.ended) else now.last)
+                self.close()
+                yield "ended", now
+        elif tick.time - now.time >= (LONGER if now.rivals else 1.0) * self.hold:
+            yield from self._name(now)
+
+    def _name(self, now: Alarm) -> Iterator[tuple[str, Alarm]]:
+        before = self._put.get(now.name)
+        if before is not None and not now.rivals:  # does it take back what was put into the monitor?
+            was = self.found[before]
+            if abs(was.change + now.change) < SIGNIFICANT * math.hypot(was.std, now.std):
+                self.found[before] = replace(was, ended=now.since, last=now.last)
+                self.took(now, now.change)
+                del self._put[now.name]
+                yield "ended", self.found[before]
+                return
+        self._told = True
+        self.found.append(now)
+        yield "named", now
+        if math.isfinite(now.ended):
+            self.close()
 
     def end(self, time: float) -> Iterator[tuple[str, Alarm]]:
         """Settle a change whose evidence is being collected."""
-        if self.open is None:
-            return
-        now, self.open = self.open, None
-        earlier = [k for k, a in enumerate(self.found) if a.kind != "dead"]
-        if earlier and self.found[earlier[-1]].rivals:  # it was not put into the monitor, and is still there
-            before = self.found[earlier[-1]]
-            if now.names & before.names:
-                left = now.names & before.names
-                name = now.name if now.name in left else before.name
-                sized = now if name == now.name else before
-                self.found[earlier[-1]] = replace(
-                    before, name=name, kind=sized.kind, change=sized.change, std=sized.std, unit=sized.unit,
-                    rivals=tuple(n for n in self.names if n in left and n != name), last=time,
-                )  # fmt: skip
-                if left < before.names:
-                    yield "named", self.found[earlier[-1]]
-                return
-        self.found.append(now)
-        yield "named", now
+        if self.open is not None and not self._told:
+            yield from self._name(self.open)
+        self.open = None
+
+    def close(self) -> None:
+        """Follow the open change no longer; the tests restart."""
+        self.open, self.reset_due = None, True
 
     def quiet(self, time: float, since: float) -> Iterator[tuple[str, Alarm]]:
         """Report that no rows come any more: every sensor is dead, until rows come again.
@@ -186,20 +242,22 @@ class Alarms:
             yield self._returned(note.name, note.time)
 
     def took(self, alarm: Alarm, change: float) -> None:
-        """Correct the size of an alarm to the change that was put into the monitor, within its bounds."""
+        """Note that a change was put into the monitor, within its bounds, and restart the tests."""
         self.found = [replace(a, change=change) if a is alarm else a for a in self.found]
+        self._put[alarm.name] = len(self.found) - 1
+        self.close()
 
     def _alarm(self, tick: Tick, which: int, raised: float) -> Alarm:
         def value(name: str) -> float:
             return float(tick.values[self._places[name]])
 
-        name = self.names[which - 1]
+        name, unknown = self._every[which - 1], which > len(self.names)
         rivals = tuple(n for n in self.names if n != name and value(f"possible_{n}") > 0.5)
         biased = name.removesuffix("_bias") in self._measured and name.endswith("_bias")
         return Alarm(
             raised,
-            name,
-            "bias" if biased else "change",
+            name.removeprefix("unknown_") if unknown else name,
+            "unknown" if unknown else "bias" if biased else "change",
             value("change"),
             value("change_std"),
             self._units[name],
@@ -207,6 +265,9 @@ class Alarms:
             rivals,
             value("evidence"),
             tick.time,
+            value("rate"),
+            value("rate_std"),
+            tick.time - value("held") if value("ended") > 0.5 else math.nan,
         )
 
     def _sensors(self, tick: Tick) -> Iterator[tuple[str, Alarm]]:

@@ -40,7 +40,7 @@ from dataclasses import dataclass
 import sympy as sp
 
 from hovercontrol.blocks.signals import Signal
-from hovercontrol.control.observers.ins.kalman import Correction, Equations
+from hovercontrol.control.observers.ins.kalman import Correction, Equations, chosen
 
 #: Standard deviations to which an innovation is limited in the scores. Normal noise exceeds it once in 370.
 LIMIT = 3.0
@@ -183,7 +183,7 @@ def write_bank(
     for w, window in enumerate(found):
         for key, value in window.values.items():
             earlier = found[w - 1].values[key.replace(f"[{w}", f"[{w - 1}", 1)] if w else window.fresh[key]
-            memory.following[key] = sp.Piecewise((earlier, moved[w] > sp.S.Half), (value, True))
+            memory.following[key] = chosen(moved[w] > sp.S.Half, earlier, value)
 
     def by_candidate(key: str) -> list[list[sp.Expr]]:
         return [[w.values[f"{key}[{k},{j}]"] for k, w in enumerate(found)] for j in range(len(columns))]

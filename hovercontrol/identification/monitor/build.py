@@ -11,7 +11,8 @@ from hovercontrol.base.errors import InputError, shown
 from hovercontrol.blocks.block import Block
 from hovercontrol.identification.monitor.candidates import Craft
 from hovercontrol.identification.monitor.monitor import monitor
-from hovercontrol.identification.monitor.noise import first_part, noise_from, trained_model
+from hovercontrol.identification.monitor.noise import FIRST_SECONDS, first_part, noise_from, trained_model
+from hovercontrol.identification.monitor.pace import paced
 from hovercontrol.logs.log import POSE, Log
 
 #: Shortest period of a monitor [s]; of faster logs every n-th row is used.
@@ -76,7 +77,11 @@ def build(
     report = progress or (lambda part, what: None)
     channels = list(measured) if measured else channels_of(model, log)
     period = model.period or period_of(log, channels)
-    source = train if train is not None else first_part(log)
+
+    def long(seconds: float) -> float:
+        return paced(seconds, period, is_craft=model.is_craft)
+
+    source = train if train is not None else first_part(log, long(FIRST_SECONDS))
     report(0.0, "fitting the noise")
     if train is not None:
         model, noise, std = trained_model(model, train, channels, lambda part, what: report(0.3 * part, what))
@@ -98,7 +103,7 @@ def build(
         coefficient_std=std,
         measured=channels,
         lost_samples=channels,
-        motion=source.between(float(source.time[0]), float(source.time[0]) + MOTION),
+        motion=source.between(float(source.time[0]), float(source.time[0]) + long(MOTION)),
         dispersion=True,
     )
     report(1.0, "built")

@@ -151,7 +151,7 @@ def _made(
     channel = one.removesuffix("_bias")
     if one.endswith("_bias") and channel in measured:
         unit = plant.signal(output_for_channel([s.name for s in plant.outputs], channel)).unit
-        scale = _constant(f"scale_{one}", unit, 1.0)
+        scale = unit_change(f"scale_{one}", unit, 1.0)
         return [Candidate(one, unit, sp.S.Zero, 1.0, seen={channel: scale.symbol}, parameters=(scale,))]
     try:
         cls = model.effect_class(one)
@@ -186,7 +186,7 @@ def _of_coefficient(plant: Block, key: str, measured: Sequence[str], name: str) 
     block = owned(plant, name)
     own = block.parameter(key)
     symbol, unit = own.symbol, own.unit
-    scale = _constant(f"scale_{key}", unit, 1.0)
+    scale = unit_change(f"scale_{key}", unit, 1.0)
 
     def slope(e: sp.Expr) -> sp.Expr:
         return scale.symbol * sp.diff(block.expand(e), symbol)
@@ -335,5 +335,6 @@ def _nonzero(changes: Mapping[str, sp.Expr]) -> dict[str, sp.Expr]:
     return {key: e for key, e in changes.items() if sp.expand(e) != 0}
 
 
-def _constant(name: str, unit: str, value: float) -> Signal:
+def unit_change(name: str, unit: str, value: float) -> Signal:
+    """Return the parameter with the change for theta = 1."""
     return Signal(name, unit, "change for theta = 1; fixed", start=value, lower=value, upper=value)

@@ -17,21 +17,17 @@ two holds.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import sympy as sp
 
 from hovercontrol.blocks.signals import Signal
-from hovercontrol.control.observers.ins.kalman import Equations
+from hovercontrol.control.observers.ins.kalman import Equations, chosen
 from hovercontrol.identification.monitor.bank import Bank
 from hovercontrol.identification.monitor.candidates import Candidate
-from hovercontrol.identification.monitor.refined import Refined, refine, within
+from hovercontrol.identification.monitor.refined import DECIDES, Refined, Start, refine, within
 from hovercontrol.identification.monitor.sized import Sized
-
-#: Likelihood ratio below which a rival is excluded: the probability that a right name is.
-ERROR = 0.01
 
 #: Error of the linear response to a change, as a part of it. Measured: see `benchmarks/monitor.py`.
 CURVATURE = 0.45
@@ -49,12 +45,17 @@ class Decision:
         1 if a test has raised an alarm, at this tick or before.
     refined : Refined
         Estimate of the named change.
+    states : tuple of Signal
+    next_values : dict of str to sympy.Expr
+        Without resets.
     """
 
     outputs: tuple[Signal, ...]
     values: dict[str, sp.Expr]
     alarm: sp.Expr
     refined: Refined
+    states: tuple[Signal, ...]
+    next_values: dict[str, sp.Expr]
 
 
 def likelihood(b: sp.Expr, information: sp.Expr, lower: sp.Expr, upper: sp.Expr) -> sp.Expr:
@@ -69,7 +70,7 @@ def likelihood(b: sp.Expr, information: sp.Expr, lower: sp.Expr, upper: sp.Expr)
 
 def least_evidence(best: sp.Expr) -> sp.Expr:
     """Return the evidence below which a rival of a candidate with the evidence `best` is excluded."""
-    return sp.Min(best - sp.Float(2 * math.log(1 / ERROR)), sp.Float(1 - CURVATURE**2) * best)
+    return sp.Min(best - sp.Float(DECIDES), sp.Float(1 - CURVATURE**2) * best)
 
 
 def decide(
@@ -87,6 +88,11 @@ def decide(
     channels: Sequence[Signal],
     period: sp.Expr,
     sized: Mapping[int, Sized],
+    equations: Sequence[str],
+    accelerations: Sequence[sp.Matrix],
+    moves: sp.Matrix,
+    turns: Sequence[sp.Matrix],
+    segment: int,
 ) -> Decision:
     """Write the decision.
 
@@ -106,6 +112,10 @@ def decide(
         1 for each dead sensor, of `channels`.
     sized : mapping of int to Sized
         Candidates that are not proportional to their coefficient, by number from 0.
+    equations : sequence of str
+        States in whose equations an arbitrary acceleration is looked for.
+    accelerations, moves, turns, segment
+        As for :func:`~hovercontrol.identification.monitor.refined.refine`.
     """
     tests = [
         [likelihood(b, info + floor.symbol, *limit) for b, info in zip(row, infos, strict=True)]
@@ -114,103 +124,112 @@ def decide(
     limited = [
         [write.define(f"limited_g[{w},{j}]", g) for w, g in enumerate(row)] for j, row in enumerate(tests)
     ]
-    exceeds = sp.Max(*(g for row in limited for g in row)) > threshold
+    exceeds = sp.Max(*(g for row in limited for g in row), evaluate=False) > threshold
     alarm = write.define(
         "test_alarm", sp.Piecewise((1, sp.And(exceeds, settled > sp.S.Half)), (latched, True))
     )
     write.define("raised", sp.Piecewise((0, latched > sp.S.Half), (alarm, True)))
     told = alarm > sp.S.Half
-    scores = _scores(write, bank, floors, limits, limited, told)
-    largest = [
-        write.define(f"evidence_{c.name}", sp.Max(*row)) for c, row in zip(candidates, scores, strict=True)
-    ]
-    best = write.define("evidence", sp.Max(*largest))
-    every = [(j, w) for j, row in enumerate(scores) for w in range(len(row))]
+    J = len(candidates)
+    unknown = Signal("unknown", "1", "number of the equation with an unknown acceleration; 0: none")
+    refuted = [Signal(f"refuted[{j}]", "1", f"1 if {c.name} is refuted") for j, c in enumerate(candidates)]
+    every = []  # (g, candidate, window), of a candidate that is not refuted
+    largest, in_play = [], []
+    for j, c in enumerate(candidates):
+        mine = []
+        for w, (b, info) in enumerate(zip(bank.score[j], bank.information[j], strict=True)):
+            whole = likelihood(b, info + floors[j].symbol, *limits[j])
+            mine.append(write.define(f"g[{w},{j}]", chosen(told, whole, limited[j][w])))
+        largest.append(write.define(f"evidence_{c.name}", sp.Max(*mine, evaluate=False)))
+        out = sp.And(refuted[j].symbol > sp.S.Half, unknown.symbol < sp.S.Half)
+        in_play.append(write.define(f"in_play[{j}]", chosen(out, -sp.S.One, largest[-1])))
+        every += [(g, j, w) for w, g in enumerate(mine)]
+    best = write.define("evidence", sp.Max(*largest, evaluate=False))
+    likeliest = write.define("best_in_play", sp.Max(*in_play, evaluate=False))
+    tops = [sp.And(g >= in_play[j], in_play[j] >= likeliest) for g, j, _ in every]
 
     def of_best(name: str, values: Sequence[sp.Expr]) -> sp.Expr:
-        pairs = [(v, scores[j][w] >= best) for v, (j, w) in zip(values[:-1], every[:-1], strict=True)]
+        pairs = list(zip(values[:-1], tops[:-1], strict=True))
         return write.define(name, sp.Piecewise(*pairs, (values[-1], True), evaluate=False))
 
-    which = of_best("best", [sp.Integer(j + 1) for j, _ in every])
-    b = of_best("best_b", [bank.score[j][w] for j, w in every])
-    info = sp.Max(of_best("best_J", [bank.information[j][w] for j, w in every]), 1e-300)
-    of_best("best_window", [sp.Integer(w) for _, w in every])
-    age = of_best("best_age", [bank.age[w] for _, w in every])
-    energy = of_best("best_energy", [bank.energy[w] for _, w in every])
-    dof = len(channels) * age
-    refined = refine(
-        write, bank, plant, which, alarm, b / info, best, after, info, energy, dof, limits, sized
+    at = [(j, w) for _, j, w in every]
+    named = of_best("best", [sp.Integer(j + 1) for j, _ in at])
+    lost = unknown.symbol > sp.S.Half
+    which = write.define("which", chosen(lost, J + unknown.symbol, named))
+    b = of_best("best_b", [bank.score[j][w] for j, w in at])
+    info = of_best("best_J", [bank.information[j][w] for j, w in at])
+    of_best("best_window", [sp.Integer(w) for _, w in at])
+    age = of_best("best_age", [bank.age[w] for _, w in at])
+    energy = of_best("best_energy", [bank.energy[w] for _, w in at])
+    outputs, values = [], {}
+
+    def output(signal: Signal, value: sp.Expr) -> None:
+        outputs.append(signal)
+        values[signal.name] = value
+
+    names = [c.name for c in candidates]
+    anything = write.define("any_dead", sp.Max(*dead))
+    listed = [f"{k + 1} {n}" for k, n in enumerate(names)]
+    listed += [f"{len(names) + k + 1} {s.name}" for k, s in enumerate(channels)]
+    output(
+        Signal("alarm", "1", "1 from an alarm on until a reset, and while a sensor is dead"),
+        sp.Max(alarm, anything),
     )
-    size = write.define("scale", _scale(candidates, which))
-    outputs = _alarm_outputs(write, candidates, channels, dead, alarm, which)
-    outputs |= {
-        Signal("evidence", "1", "largest g; alarm above the threshold"): best,
-        Signal("change", "1", "change of the named candidate's coefficient, in its SI unit"): (
-            refined.theta * size
-        ),
-        Signal("change_std", "1", "standard deviation of the change"): (
-            sp.sqrt(sp.Max(0, refined.variance)) * sp.Abs(size)
-        ),
-        Signal("since", "s", "time since the estimated onset"): sp.Piecewise((age * period, told), (0, True)),
-    }
+    sensors = [(sp.Integer(J + k + 1), d > sp.S.Half) for k, d in enumerate(dead)]
+    number = chosen(lost, J + len(channels) + unknown.symbol, which)
+    output(
+        Signal("effect", "1", f"0 none; {', '.join(listed)}; {J + 1} to {J + len(channels)}: dead sensors"),
+        sp.Piecewise(*sensors, (number, told), (sp.S.Zero, True), evaluate=False),
+    )
+    output(Signal("evidence", "1", "largest g; alarm above the threshold"), best)
+    info = sp.Max(info, 1e-300)
+    start = Start(b / info, best, info, energy, len(channels) * age)
+    refined = refine(
+        write, bank, plant, which, alarm, start, after, limits, sized, accelerations, moves, turns, segment
+    )
+    scales = [sp.Float(c.scale) for c in candidates]
+    pairs = [(scale, which < j + 1.5) for j, scale in enumerate(scales)]
+    size = write.define("scale", sp.Piecewise(*pairs, (sp.S.One, True), evaluate=False))
+    text = "change of the named candidate's coefficient, or unknown acceleration, in its SI unit"
+    output(Signal("change", "1", text), refined.theta * size)
+    output(
+        Signal("change_std", "1", "standard deviation of the change"),
+        sp.sqrt(sp.Max(0, refined.variance)) * sp.Abs(size),
+    )
+    output(Signal("rate", "1/s", "of the change, with its rate_std"), refined.rate * size / period)
+    output(
+        Signal("rate_std", "1/s", "standard deviation of the rate"),
+        sp.sqrt(sp.Max(0, refined.rate_variance)) * sp.Abs(size) / period,
+    )
+    output(Signal("ended", "1", "1 if the named change has ended"), chosen(told, refined.ended, sp.S.Zero))
+    output(Signal("since", "s", "time since the estimated onset"), chosen(told, age * period, 0 * period))
+    output(
+        Signal("held", "s", "time for which the amplitude has held"),
+        chosen(told, refined.age * period, 0 * period),
+    )
     least = write.define("least", least_evidence(best))
     for c, g in zip(candidates, largest, strict=True):
-        outputs[Signal(f"evidence_{c.name}", "1", f"largest g of {c.name}")] = g
-    for c, g in zip(candidates, largest, strict=True):
-        possible = Signal(f"possible_{c.name}", "1", f"1 if an alarm may be due to {c.name}")
-        outputs[possible] = sp.Piecewise((1, sp.And(told, g >= least)), (0, True))
-    for s, d in zip(channels, dead, strict=True):
-        outputs[Signal(f"dead_{s.name}", "1", f"1 while no new sample of {s.name} comes")] = d
-    return Decision(tuple(outputs), {s.name: e for s, e in outputs.items()}, alarm, refined)
-
-
-def _scores(
-    write: Equations,
-    bank: Bank,
-    floors: Sequence[Signal],
-    limits: Sequence[tuple[sp.Expr, sp.Expr]],
-    limited: Sequence[Sequence[sp.Expr]],
-    told: sp.Expr,
-) -> list[list[sp.Expr]]:
-    """Write g by candidate and window: of limited innovations until an alarm, of all from then on."""
-    scores = []
-    for j, (floor, limit) in enumerate(zip(floors, limits, strict=True)):
-        infos = bank.information[j]
-        whole = [
-            likelihood(b, info + floor.symbol, *limit) for b, info in zip(bank.score[j], infos, strict=True)
-        ]
-        pairs = enumerate(zip(whole, limited[j], strict=True))
-        scores.append(
-            [write.define(f"g[{w},{j}]", sp.Piecewise((all_, told), (few, True))) for w, (all_, few) in pairs]
+        output(Signal(f"evidence_{c.name}", "1", f"largest g of {c.name}"), g)
+    open_ = [sp.And(told, sp.Not(lost), g >= least) for g in in_play]
+    for c, possible in zip(candidates, open_, strict=True):
+        output(
+            Signal(f"possible_{c.name}", "1", f"1 if an alarm may be due to {c.name}"),
+            chosen(possible, sp.S.One, sp.S.Zero),
         )
-    return scores
-
-
-def _scale(candidates: Sequence[Candidate], which: sp.Expr) -> sp.Expr:
-    """Return the scale of the named candidate."""
-    pairs = [(sp.Float(c.scale), which < j + 1.5) for j, c in enumerate(candidates[:-1])]
-    return sp.Piecewise(*pairs, (sp.Float(candidates[-1].scale), True), evaluate=False)
-
-
-def _alarm_outputs(
-    write: Equations,
-    candidates: Sequence[Candidate],
-    channels: Sequence[Signal],
-    dead: Sequence[sp.Expr],
-    alarm: sp.Expr,
-    which: sp.Expr,
-) -> dict[Signal, sp.Expr]:
-    """Return the alarm and the number of what it names: a candidate, or a dead sensor behind them."""
-    anything = write.define("any_dead", sp.Max(*dead))
-    names = [*(c.name for c in candidates), *(s.name for s in channels)]
-    listed = ", ".join(f"{k} {n}" for k, n in enumerate(names, 1))
-    first = len(candidates) + 1
-    sensors = [(sp.Integer(first + k), d > sp.S.Half) for k, d in enumerate(dead)]
-    return {
-        Signal("alarm", "1", "1 from an alarm on until a reset, and while a sensor is dead"): (
-            sp.Max(alarm, anything)
-        ),
-        Signal("effect", "1", f"0 none; {listed}; from {first} on: dead sensors"): (
-            sp.Piecewise(*sensors, (which, alarm > sp.S.Half), (sp.S.Zero, True), evaluate=False)
-        ),
-    }
+    for s, d in zip(channels, dead, strict=True):
+        output(Signal(f"dead_{s.name}", "1", f"1 while no new sample of {s.name} comes"), d)
+    for e, name in enumerate(equations):
+        found = sp.And(told, sp.Abs(unknown.symbol - (e + 1)) < sp.S.Half)
+        text = f"1 if no candidate explains the change: an unknown acceleration in {name}'"
+        output(Signal(f"unknown_{name}", "1", text), chosen(found, sp.S.One, sp.S.Zero))
+    # a name that is refuted leaves the next likely one, or none
+    refutes = refined.probes.refuted > sp.S.Half
+    following = {}
+    others = []
+    for j, (s, g) in enumerate(zip(refuted, in_play, strict=True)):
+        mine = sp.And(refutes, sp.Abs(which - (j + 1)) < sp.S.Half)
+        following[s.name] = chosen(mine, sp.S.One, s.symbol)
+        others.append(sp.And(g >= least, sp.Not(mine)))
+    gone = sp.And(refutes, sp.Not(sp.Or(*others)))
+    following[unknown.name] = chosen(gone, refined.probes.equation, unknown.symbol)
+    return Decision(tuple(outputs), values, alarm, refined, (unknown, *refuted), following)

@@ -37,6 +37,8 @@ class Design:
         Time after the start and after a reset before which the tests do not begin [s].
     outliers_within : float
         Time within which a few outliers of a channel are left out [s].
+    driven : tuple of str
+        States in whose equations an arbitrary acceleration is looked for: those with process noise.
     """
 
     model: Observed
@@ -49,6 +51,7 @@ class Design:
     substeps: int
     settle: float = 2.0
     outliers_within: float = 1.0
+    driven: tuple[str, ...] = ()
 
 
 def estimation_model(

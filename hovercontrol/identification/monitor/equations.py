@@ -13,17 +13,20 @@ from hovercontrol.blocks.derivatives import needed_definitions
 from hovercontrol.blocks.expressions import Expressions
 from hovercontrol.blocks.signals import Signal, time
 from hovercontrol.control.observers.filter_equations import corrections, estimate_of, filter_states
-from hovercontrol.control.observers.ins.kalman import Equations, Estimate
-from hovercontrol.control.observers.propagation import Dynamics, Prediction, predict
+from hovercontrol.control.observers.ins.kalman import Equations, Estimate, chosen
+from hovercontrol.control.observers.propagation import Dynamics, Prediction, predict, runge_kutta
 from hovercontrol.identification.monitor.bank import Bank, write_bank
-from hovercontrol.identification.monitor.candidates import Candidate
+from hovercontrol.identification.monitor.candidates import Candidate, unit_change
 from hovercontrol.identification.monitor.decision import Decision, decide
 from hovercontrol.identification.monitor.design import Design
 from hovercontrol.identification.monitor.memory import Memory
-from hovercontrol.identification.monitor.sensors import check_samples
+from hovercontrol.identification.monitor.sensors import Sensors, check_samples
 from hovercontrol.identification.monitor.sized import AtTheEstimate
 
 RESET = Signal("reset", "1", "1 to restart the tests at the next tick", lower=0.0, upper=1.0)
+#: Length of a segment of :mod:`.probes` in lengths of the shortest window.
+SEGMENT = 2
+
 LATCHED = Signal("latched", "1", "1 after an alarm")
 RUNNING = Signal("running", "s", "time since the start, at most `settle`")
 
@@ -85,7 +88,7 @@ def monitor_block(
     dispersion : sequence of float, optional
         phi of each candidate (default: 1).
     """
-    return _assembled(design, threshold, floors, dispersion)[0]
+    return _assembled(design, threshold, floors, dispersion)
 
 
 def column_block(design: Design) -> Block:
@@ -95,34 +98,64 @@ def column_block(design: Design) -> Block:
     (m, n), of M = Phi A, (n, n), row by row, and of the limited e, (m,): see
     :mod:`hovercontrol.identification.monitor.bank`.
     """
-    block, bank = _assembled(replace(design, windows=1), 1.0, [1.0] * len(design.candidates))
+    write = Equations()
+    begun = _tests(
+        replace(design, windows=1), write, _constants(design, 1.0, [1.0] * len(design.candidates), ())
+    )
+    bank = begun.bank
     every = [*(e for row in bank.own for e in row), *(e for s in bank.columns for e in s), *bank.C, *bank.M]
     every += bank.limited
     shown = Expressions((f"column[{k}]", e) for k, e in enumerate(every))
     no_shift = {f"shift[{i}]": sp.S.Zero for i in range(len(design.model.plant.states))}
-    quiet = block.unchecked(definitions=Expressions({**block.definitions, **no_shift}))
-    states: tuple[Signal, ...] = ()
-    wanted, before = every, -1
-    while len(states) > before:  # states on which the outputs depend
-        before = len(states)
-        used = [*wanted, *(quiet.definitions[name] for name in needed_definitions(quiet, wanted))]
-        symbols = set().union(*(e.free_symbols for e in used))
-        states = tuple(s for s in block.states if s.symbol in symbols)
-        wanted = [*every, *(block.derivatives[s.name] for s in states)]
-    return quiet.unchecked(
-        states=states,
-        derivatives=Expressions((s.name, block.derivatives[s.name]) for s in states),
+    n = len(design.model.plant.states)
+    upper = [begun.then.P[i, j] for i in range(n) for j in range(i, n)]
+    following = dict(zip((s.name for s in begun.states), [*begun.then.x, *upper], strict=True))
+    following |= begun.sensors.next_values | begun.memory.next_values | bank.next_values
+    following |= {s.name: sp.S.Zero for s in begun.ahead}
+    block = Block(design.model.name).unchecked(
+        states=(*begun.states, *begun.sensors.states, *begun.memory.states, *begun.ahead, *bank.states),
+        inputs=(*design.model.inputs, RESET),
+        parameters=begun.parameters,
+        derivatives=Expressions(following),
         outputs=tuple(Signal(name) for name in shown),
         output_expressions=shown,
+        definitions=Expressions({**no_shift, **write.definitions}),
+        period=design.period,
+    )
+    wanted, used = every, set[Signal]()
+    while True:  # states on which the outputs depend
+        needed = [*wanted, *(block.definitions[name] for name in needed_definitions(block, wanted))]
+        symbols = set().union(*(e.free_symbols for e in needed))
+        states = tuple(s for s in block.states if s.symbol in symbols)
+        if len(states) == len(used):
+            break
+        wanted, used = [*every, *(block.derivatives[s.name] for s in states)], set(states)
+    return block.unchecked(
+        states=states, derivatives=Expressions((s.name, block.derivatives[s.name]) for s in states)
     )
 
 
-def _assembled(
-    design: Design, threshold: float, floors: Sequence[float], dispersion: Sequence[float] = ()
-) -> tuple[Block, Bank]:
-    model, write, own = design.model, Equations(), _constants(design, threshold, floors, dispersion)
-    plant = model.plant.states
-    n, step, settle = len(plant), own.period.symbol, own.settle.symbol
+@dataclass(frozen=True)
+class _Tests:
+    """Filter and tests of a monitor, without the decision."""
+
+    states: tuple[Signal, ...]
+    sensors: Sensors
+    now: Estimate
+    then: Estimate
+    Phi: sp.Matrix
+    drive: dict[int, sp.Matrix]
+    shift: sp.Matrix
+    ahead: tuple[Signal, ...]
+    memory: Memory
+    bank: Bank
+    settled: sp.Expr
+    parameters: tuple[Signal, ...]
+
+
+def _tests(design: Design, write: Equations, own: _Constants) -> _Tests:
+    model, plant, step = design.model, design.model.plant.states, own.period.symbol
+    n, settle = len(plant), own.settle.symbol
     states = filter_states(model)
     prior = estimate_of(states, n)
     sensors = check_samples(
@@ -138,8 +171,7 @@ def _assembled(
     memory = Memory(design, write, write.matrix("actual", now.x + shift), before)
     then, Phi, drive = _predicted(design, write, now, step)
     forced, bias = _effects(design, write, memory, drive)
-    begun = RUNNING.symbol >= settle - step / 2
-    settled = write.define("settled", sp.Piecewise((1, begun), (0, True)))
+    settled = write.define("settled", chosen(RUNNING.symbol >= settle - step / 2, sp.S.One, sp.S.Zero))
     phi = [s.symbol for s in own.dispersion] or [sp.S.One] * len(design.candidates)
     bank = write_bank(
         write, plant, steps, Phi, forced, bias,
@@ -147,35 +179,58 @@ def _assembled(
         hold=sp.Symbol("test_alarm", real=True),
         raised=sp.Symbol("raised", real=True), best_window=sp.Symbol("best_window", real=True),
     )  # fmt: skip
+    parameters = (*own.every, *model.parameters, *(p for c in design.candidates for p in c.parameters))
+    return _Tests(states, sensors, now, then, Phi, drive, shift, ahead, memory, bank, settled, parameters)
+
+
+def _assembled(
+    design: Design, threshold: float, floors: Sequence[float], dispersion: Sequence[float] = ()
+) -> Block:
+    model, write, own = design.model, Equations(), _constants(design, threshold, floors, dispersion)
+    plant, step, settle = model.plant.states, own.period.symbol, own.settle.symbol
+    n, begun = len(plant), _tests(design, write, own)
+    states, sensors, then, Phi, drive = begun.states, begun.sensors, begun.then, begun.Phi, begun.drive
+    memory, bank, settled = begun.memory, begun.bank, begun.settled
     # after an alarm, the named candidate is linearised at its estimate
-    keys = ("named", f"z[{n}]", f"V[{n},{n}]"), ("named_next", "theta", "theta_variance")
+    keys = ("named", "named_theta", "named_variance"), ("named_next", "theta", "theta_variance")
     at_now, at_then = (tuple(sp.Symbol(key, real=True) for key in some) for some in keys)
     at = AtTheEstimate(write, memory, drive, design.period, at_now, at_then)
     sized = {j: at.write(c, j, [s.name for s in plant]) for j, c in enumerate(design.candidates) if c.law}
-    limits = [_bounds(c, design, now) for c in design.candidates]
+    limits = [_bounds(c, design, begun.now) for c in design.candidates]
+    equations = [s.name for s in plant if s.name in design.driven]
+    per = "" if model.plant.period else "/s"
+    scales = [
+        unit_change(f"scale_unknown_{s.name}", f"({s.unit}){per}", 1.0) for s in plant if s.name in equations
+    ]
+    accelerations = [
+        write.matrix(f"acceleration_{s.name}", drive[i] * scales[equations.index(s.name)].symbol)
+        for i, s in enumerate(plant)
+        if s.name in equations
+    ]
     decision = decide(
         write, design.candidates, bank, plant, then.P, own.floors, limits, own.threshold.symbol,
         LATCHED.symbol, settled, sensors.dead, model.measured, step, sized,
+        equations, accelerations, _moves(begun, design, write, step), _turns(begun, design, write),
+        SEGMENT * design.first,
     )  # fmt: skip
     for i in range(n):
         write.definitions[f"shift[{i}]"] = decision.refined.shift[i]
     elapsed = write.define("elapsed", sp.Min(RUNNING.symbol + step, settle))
-    tests = (LATCHED, *bank.states, *decision.refined.states)
+    tests = (LATCHED, *decision.states, *bank.states, *decision.refined.states)
     following = _following(states, tests, then, own, bank, decision, settled, elapsed)
     following |= sensors.next_values | memory.next_values | at.next_values
-    following |= {s.name: (Phi[i, :] * shift)[0] for i, s in enumerate(ahead)}
-    block = Block(
+    following |= {s.name: (Phi[i, :] * begun.shift)[0] for i, s in enumerate(begun.ahead)}
+    return Block(
         model.name,
-        states=(*states, RUNNING, *sensors.states, *memory.states, *ahead, *at.states, *tests),
+        states=(*states, RUNNING, *sensors.states, *memory.states, *begun.ahead, *at.states, *tests),
         inputs=(*model.inputs, RESET),
         outputs=decision.outputs,
-        parameters=(*own.every, *model.parameters, *(p for c in design.candidates for p in c.parameters)),
+        parameters=(*begun.parameters, *scales),
         derivatives=following,
         output_expressions=decision.values,
         definitions=write.definitions,
         period=design.period,
     )
-    return block, bank
 
 
 def _ahead(design: Design) -> tuple[Signal, ...]:
@@ -211,7 +266,9 @@ def _predicted(
     """Write the estimate a tick later; return it, the transition matrix of the tick and its drive."""
     model = design.model
     driven = [
-        i for i, s in enumerate(model.plant.states) if any(s.name in c.rates for c in design.candidates)
+        i
+        for i, s in enumerate(model.plant.states)
+        if s.name in design.driven or any(s.name in c.rates for c in design.candidates)
     ]
     h = write.define("substep", step / design.substeps)
     then, dynamics, every = now, Dynamics(model.plant), []
@@ -220,6 +277,31 @@ def _predicted(
         every.append(one)
         then = one.estimate
     return then, *_over_the_tick(write, every)
+
+
+def _moves(begun: _Tests, design: Design, write: Equations, step: sp.Expr) -> sp.Matrix:
+    """Write ``f(x + d) - f(x)`` of the tick, with the error d by the named change."""
+    plant, h, n = design.model.plant, step / design.substeps, len(design.model.plant.states)
+    x = sp.Matrix([sp.Symbol(f"actual[{i}]", real=True) for i in range(n)])
+    for k in range(design.substeps):
+        x = runge_kutta(Dynamics(plant), write, f"true_{k}", x, time + k * h, h, jacobian=False).x
+    return write.matrix("moves", x - begun.then.x)
+
+
+def _turns(begun: _Tests, design: Design, write: Equations) -> list[sp.Matrix]:
+    """Write the slopes by the state of the candidates' changes of the state over the tick."""
+    plant, every = design.model.plant.states, []
+    for j, c in enumerate(design.candidates):
+        turn = sp.zeros(len(plant), len(plant))
+        for i, s in enumerate(plant):
+            for k, by in enumerate(plant):
+                slope = sp.diff(c.rates.get(s.name, sp.S.Zero), by.symbol)
+                if slope != 0:
+                    turn[:, k] += begun.drive[i] * write.define(
+                        f"a_x[{j},{i},{k}]", begun.memory.at(c, slope)
+                    )
+        every.append(turn)
+    return every
 
 
 def _effects(
@@ -261,11 +343,12 @@ def _following(
     upper = [then.P[i, j] for i in range(n) for j in range(i, n)]
     again = {f"P[{i},{i}]": s.symbol**2 for i, s in enumerate(own.begin)}
     for s, value in zip(states[n:], upper, strict=True):
-        following[s.name] = sp.Piecewise((again.get(s.name, sp.S.Zero), restart), (value, True))
-    values = {LATCHED.name: decision.alarm} | bank.next_values | decision.refined.next_values
+        following[s.name] = chosen(restart, again.get(s.name, sp.S.Zero), value)
+    values = {LATCHED.name: decision.alarm} | bank.next_values | decision.next_values
+    values |= decision.refined.next_values
+    begins = sp.Or(restart, settled < sp.S.Half)
     for s in tests:
-        begins = sp.Or(restart, settled < sp.S.Half)
-        following[s.name] = sp.Piecewise((sp.Integer(round(s.start)), begins), (values[s.name], True))
+        following[s.name] = chosen(begins, sp.Integer(round(s.start)), values[s.name])
     return following
 
 

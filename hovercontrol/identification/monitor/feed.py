@@ -126,8 +126,13 @@ class Feed:
         """Restart the tests at the next tick."""
         self._reset = True
 
+    def holds(self, name: str) -> bool:
+        """Return whether a change can be put into the monitor: of an own coefficient, or a bias."""
+        estimated = name in self._estimates and name in candidates_in(self.block)
+        return name.removesuffix("_bias") in self._bias or name in self._own or estimated
+
     def adopt(self, name: str, change: float) -> float:
-        """Put a change of an own coefficient, or a bias of a channel, into the monitor; others are left.
+        """Put a change that it :meth:`holds` into the monitor.
 
         Returns
         -------
@@ -143,7 +148,7 @@ class Feed:
             self._params[key] = min(max(before + change, lower), upper)
             self._runner.set(params={key: self._params[key]})
             return self._params[key] - before
-        elif name in self._estimates and name in candidates_in(self.block):  # an uncertain coefficient
+        else:  # an uncertain coefficient
             key = self._estimates[name]
             at = [s.name for s in self._compiled.block.states].index(key)
             self._learnt[key] = float(self._runner.state[at]) + change

@@ -26,7 +26,7 @@ def follow(
     lines: Iterable[str | Note | None],
     columns: Mapping[str, str],
     source: str,
-    hold: float,
+    hold: float | None,
     *,
     missing: Sequence[float] = (),
     sizes: Mapping[str, float] | None = None,
@@ -44,8 +44,8 @@ def follow(
         As ``--columns``.
     source : str
         For error lines.
-    hold : float
-        Time after an alarm for which evidence is collected [s].
+    hold : float, optional
+        Time after an alarm for which evidence is collected [s]; None as for a replay.
     missing : sequence of float, optional
         Numbers that stand for a missing value.
     sizes, step : optional
@@ -82,7 +82,7 @@ class _Following:
         watch: Block,
         columns: Mapping[str, str],
         source: str,
-        hold: float,
+        hold: float | None,
         missing: Sequence[float],
         sizes: Mapping[str, float] | None,
         step: float | None,

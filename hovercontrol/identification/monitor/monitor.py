@@ -4,16 +4,18 @@ Interface of the Block. Inputs: the measured channels and the commands under the
 ``fresh_NAME`` where samples may be lost, and ``reset``. Outputs:
 
 - ``alarm``: 1 from an alarm on until a reset, and while a sensor is dead;
-- ``effect``: 0 none, 1 ... J the candidate, J + 1 ... J + m a dead sensor (the signal's description lists
-  them; :func:`named_effects` returns them);
+- ``effect``: 0 none, 1 ... J the candidate, J + 1 ... J + m a dead sensor, then an unknown acceleration in an
+  equation (:func:`named_effects` returns their names);
 - ``evidence``: the largest g (twice the log-likelihood ratio); the alarm comes above the parameter
   ``threshold``;
-- ``change``, ``change_std``: change of the named candidate's coefficient and its standard deviation, in its
-  SI unit;
+- ``change``, ``change_std``: present change of the named candidate's coefficient, or unknown acceleration,
+  and its standard deviation, in its SI unit; ``rate``, ``rate_std``: the same of its rate per second;
+- ``ended``: 1 if the named change has ended; ``held`` [s]: time for which its size has held;
 - ``since`` [s]: time since the estimated onset;
 - ``evidence_NAME`` for each candidate, and ``possible_NAME``: 1 if an alarm may be due to it, that is if it
   cannot be told apart from the best yet;
-- ``dead_NAME`` for each measured channel.
+- ``dead_NAME`` for each measured channel, and ``unknown_NAME`` for each equation with process noise: 1 if no
+  candidate explains the change, and the unknown acceleration is largest there.
 """
 
 from __future__ import annotations
@@ -194,6 +196,7 @@ def monitor(
         steps,
         settle,
         max(OUTLIERS_WITHIN, paced(OUTLIERS_WITHIN, tick, is_craft=craft.is_craft)),
+        tuple(process_noise),
     )
     shown, innovations = along_motion(design, path)
     phi = dispersion_of(shown, innovations) if dispersion else np.ones(len(found))
@@ -222,4 +225,5 @@ def named_effects(block: Block) -> list[str]:
     return [
         *(n.removeprefix("possible_") for n in names if n.startswith("possible_")),
         *(n.removeprefix("dead_") for n in names if n.startswith("dead_")),
+        *(n for n in names if n.startswith("unknown_")),
     ]

@@ -29,8 +29,8 @@ from hovercontrol.logs.log import Log
 #: model is hardly better known, and a filter without process noise takes every such error for a change.
 LEAST, LASTS = 0.01, 0.5
 
-#: Without a training log the noise is taken from the first part of the log: at most this long [s], and at
-#: most this share of it.
+#: Without a training log the noise is taken from the first part of the log: at most this long [s] (of a
+#: machine that is not a craft :mod:`.pace`), and at most this share of it.
 FIRST_SECONDS, FIRST_SHARE = 20.0, 1.0 / 3.0
 
 
@@ -89,10 +89,10 @@ def noise_of(fit: Fit, channels: Sequence[str]) -> NoiseLevels:
     )
 
 
-def first_part(log: Log) -> Log:
-    """Return the part of a log from which its noise is taken, if there is no training log."""
+def first_part(log: Log, seconds: float) -> Log:
+    """Return the part of a log from which its noise is taken, at most so long [s], without a training log."""
     begin, end = float(log.time[0]), float(log.time[-1])
-    return log.between(begin, begin + min(FIRST_SECONDS, FIRST_SHARE * (end - begin)))
+    return log.between(begin, begin + min(seconds, FIRST_SHARE * (end - begin)))
 
 
 def noise_from(model: Craft, log: Log, channels: Sequence[str]) -> NoiseLevels:

@@ -2,21 +2,29 @@ r"""The coefficient of the named change, from the samples after the alarm.
 
 Before the alarm the onset is known only as one of a few windows, so that the estimate b/J of a large change
 is off by more than 1/J^(1/2). After the alarm no onset is needed: with d0 the unknown error of the prediction
-at the tick after the alarm, theta the amplitude, C_i and Psi as in :mod:`.bank` with Psi since that tick, and
-eta_i the signature since that tick, the innovations divided by their standard deviations are
+at the tick after the alarm, theta the amplitude then and theta' its rate per tick, C_i and Psi as in
+:mod:`.bank` with Psi since that tick, and eta_i and eta'_i the signatures of a constant and of a growing
+change since that tick, the innovations divided by their standard deviations are
 
-    e_i = C_i Psi d0 + theta eta_i + n_i,   n_i ~ N(0, 1).
+    e_i = C_i (Psi d0 + o) + theta eta_i + theta' eta'_i + n_i,   n_i ~ N(0, 1).
 
-A candidate that is not proportional to its coefficient q (a lag, a dead zone) is linearised at the estimate
-of each tick instead of between zero and the trial value. Its change of the state over the tick is
-``g(q) = g(q_k) + g'(q_k) (q - q_k)``: eta_i follows from g', and the part that is left, ``g(q_k) - g' q_k``,
-adds a known offset o to the error, ``o <- M o + g(q_k) - g' q_k``:
+All columns are slopes at the present estimate, as in an extended filter, and o is the rest. With d the error
+by the named change after this tick's measurements, f the motion of a tick by the model and g(x, q) the change
+of the state over the tick by the candidate, with its coefficient q,
 
-    e_i - C_i o = C_i Psi d0 + theta eta_i + n_i.
+    d <- f(x + d) - f(x) + g(x + d, q),
+    Psi <- (Phi + g_x) A Psi,  s <- (Phi + g_x) A s + g_q,  s' <- (Phi + g_x) A s' + k g_q,
+    o <- d - Psi d0 - theta s - theta' s',
 
-Recursive least squares estimate z = (d0, theta) with the row r = (C_i Psi, eta_i):
+k being the ticks since the estimate began. If the candidate is not proportional to its coefficient (a lag, a
+dead zone), g and g_q are those at the estimate of q.
+
+Recursive least squares estimate z = (d0, theta, theta') with the row r = (C_i Psi, eta_i, eta'_i):
 
     S = phi + r V r',  k = V r'/S,  z <- z + k (e - r z),  V <- V - k (r V).
+
+A rate is believed if it is more than ``(2 ln(1/ERROR))^(1/2)`` of its standard deviation; else the estimate
+is that given theta' = 0.
 
 They start from the estimate theta of the best window, and from the error that it explains, ``d0 = theta c``
 with the column c of the window. The onset lies between the starts of two windows, so that the true signature
@@ -27,7 +35,12 @@ noise brings in the mean plus twice the standard deviation of that, bounds the d
 
 at most theta^2. Besides, d0 has the covariance g phi P: the evidence g at the alarm bounds the error in units
 of the filter's covariance P. phi is the dispersion of the named candidate, 1 where the noise is as stated.
-If another candidate is named, all begin anew.
+
+If another candidate is named, all begin anew. If the amplitude does not hold (:mod:`.probes`), the estimate
+begins anew from the present error d: the change of the amplitude in the last segment of time has the place
+of theta, and its own size as its standard deviation. So it does every few segments while the amplitude has a
+rate. The change has ended if the likelihood of no change is more than 1/ERROR times that of the largest
+amplitude that was significant, and no change is possible.
 
 The estimate is limited to the bounds of theta.
 
@@ -43,12 +56,19 @@ from dataclasses import dataclass
 import sympy as sp
 
 from hovercontrol.blocks.signals import Signal
-from hovercontrol.control.observers.ins.kalman import Equations
+from hovercontrol.control.observers.ins.kalman import Equations, chosen
 from hovercontrol.identification.monitor.bank import Bank
+from hovercontrol.identification.monitor.probes import Probes, write_probes
 from hovercontrol.identification.monitor.sized import Sized
 
 #: Stands for an infinite bound of theta among finite ones.
 FAR = 1e30
+
+#: Likelihood ratio below which a rival is excluded: the probability that a right name is.
+ERROR = 0.01
+
+#: Twice the logarithm of the likelihood ratio that decides.
+DECIDES = 2.0 * math.log(1.0 / ERROR)
 
 
 @dataclass(frozen=True)
@@ -61,16 +81,47 @@ class Refined:
     next_values : dict of str to sympy.Expr
         Without resets.
     theta, variance : sympy.Expr
-        Amplitude and its variance; zero before an alarm.
+        Amplitude now and its variance; zero before an alarm.
+    rate, rate_variance : sympy.Expr
+        Of the amplitude per tick, and its variance.
+    ended : sympy.Expr
+        1 if the named change has ended.
+    age : sympy.Expr
+        Ticks since the estimate began.
     shift : sympy.Matrix, shape (n, 1)
         Error of the updated estimate by the change: truth minus estimate; zero before an alarm.
+    probes : Probes
     """
 
     states: tuple[Signal, ...]
     next_values: dict[str, sp.Expr]
     theta: sp.Expr
     variance: sp.Expr
+    rate: sp.Expr
+    rate_variance: sp.Expr
+    ended: sp.Expr
+    age: sp.Expr
     shift: sp.Matrix
+    probes: Probes
+
+
+@dataclass(frozen=True)
+class Start:
+    """From what an estimate begins.
+
+    Attributes
+    ----------
+    first, evidence : sympy.Expr
+        Estimate from the best window, and its g.
+    info, energy, dof : sympy.Expr
+        J of the best window, the sum of squares of its innovations and their number.
+    """
+
+    first: sp.Expr
+    evidence: sp.Expr
+    info: sp.Expr
+    energy: sp.Expr
+    dof: sp.Expr
 
 
 def within(value: sp.Expr, lower: sp.Expr, upper: sp.Expr) -> sp.Expr:
@@ -85,14 +136,14 @@ def refine(
     plant: Sequence[Signal],
     which: sp.Expr,
     told: sp.Expr,
-    first: sp.Expr,
-    evidence: sp.Expr,
+    start: Start,
     after: sp.Matrix,
-    info: sp.Expr,
-    energy: sp.Expr,
-    dof: sp.Expr,
     limits: Sequence[tuple[sp.Expr, sp.Expr]],
     sized: Mapping[int, Sized],
+    accelerations: Sequence[sp.Matrix],
+    moves: sp.Matrix,
+    turns: Sequence[sp.Matrix],
+    segment: int,
 ) -> Refined:
     """Write the estimate.
 
@@ -101,31 +152,43 @@ def refine(
     plant : sequence of Signal
         States of the filter.
     which : sympy.Expr
-        Number of the named candidate, from 1.
+        Number of the named change, from 1: candidates, then accelerations.
     told : sympy.Expr
         1 from the alarm on.
-    first, evidence : sympy.Expr
-        Estimate from the best window, and its g.
+    start : Start
     after : sympy.Matrix, shape (n, n)
         Covariance of the filter's prediction at the next tick.
-    info, energy, dof : sympy.Expr
-        J of the best window, the sum of squares of its innovations and their number.
     limits : sequence of (sympy.Expr, sympy.Expr)
         Bounds of each candidate's theta.
     sized : mapping of int to Sized
         Candidates that are not proportional to their coefficient, by number from 0.
+    accelerations : sequence of sympy.Matrix, shape (n, 1)
+        Change of the state over the tick by an arbitrary acceleration in each equation.
+    moves : sympy.Matrix, shape (n, 1)
+        ``f(x + d) - f(x)`` of the tick.
+    turns : sequence of sympy.Matrix, shape (n, n)
+        Slope by the state of each candidate's change of the state over the tick.
+    segment : int
+        Ticks of a segment of the probes.
     """
-    n = len(plant)
-    named = Signal("named", "1", "number of the named candidate; 0 before an alarm")
-    units = [*(s.unit for s in plant), "1"]
-    z = [Signal(f"z[{i}]", u, "error at the alarm, and the amplitude") for i, u in enumerate(units)]
+    n, J, E = len(plant), len(bank.pushes), len(accelerations)
+    own: list[Signal] = []
+    following: dict[str, sp.Expr] = {}
+
+    def state(name: str, unit: str, text: str, start: float = 0.0) -> sp.Symbol:
+        own.append(Signal(name, unit, text, start=start))
+        return own[-1].symbol
+
+    named = state("named", "1", "number of the named change; 0 before an alarm")
+    units = [*(s.unit for s in plant), "1", "1"]
+    z = [state(f"z[{i}]", u, "error at the alarm, amplitude, rate") for i, u in enumerate(units)]
     V = {
-        (i, k): Signal(f"V[{i},{k}]", f"({units[i]})*({units[k]})", f"covariance of z[{i}] and z[{k}]")
-        for i in range(n + 1)
-        for k in range(i, n + 1)
+        (i, k): state(f"V[{i},{k}]", f"({units[i]})*({units[k]})", f"covariance of z[{i}] and z[{k}]")
+        for i in range(n + 2)
+        for k in range(i, n + 2)
     }
-    other = sp.Abs(which - named.symbol) > sp.S.Half
-    anew = write.define("anew", sp.Piecewise((0, told < sp.S.Half), (1, other), (0, True), evaluate=False))
+    other = sp.Abs(which - named) > sp.S.Half
+    anew = write.define("anew", chosen(sp.And(told > sp.S.Half, other), sp.S.One, sp.S.Zero))
 
     def of_named(name: str, values: Sequence[sp.Expr]) -> sp.Expr:
         if all(v == values[0] for v in values):
@@ -133,61 +196,172 @@ def refine(
         pairs = [(v, which < j + 1.5) for j, v in enumerate(values[:-1])]
         return write.define(name, sp.Piecewise(*pairs, (values[-1], True), evaluate=False))
 
-    Psi, column, offset, moves, more = _columns(write, bank, plant, of_named, anew, sized)
-    phi = of_named("named_dispersion", bank.dispersion)
-    now = sp.Matrix([s.symbol for s in z])
-    cov = sp.Matrix(n + 1, n + 1, lambda i, k: V[min(i, k), max(i, k)].symbol)
-    rows, known = write.matrix("refined_rows", bank.C * Psi), write.matrix("known", bank.C * offset)
+    def of_named_column(name: str, columns: Sequence[sp.Matrix]) -> sp.Matrix:
+        rows = range(columns[0].rows)
+        return sp.Matrix([of_named(f"{name}[{i}]", [c[i] for c in columns]) for i in rows])
+
+    # ---- columns since the estimate began: s of a constant change, s' of a growing one, o and Psi ----
+    zero = sp.zeros(n, 1)
+    s, grown, o = (
+        sp.Matrix([state(f"named_{key}[{i}]", p.unit, f"{text} of {p.name}") for i, p in enumerate(plant)])
+        for key, text in (("s", "error by the change"), ("ramp", "error by its growth"), ("o", "known error"))
+    )
+    Psi = sp.Matrix(
+        n, n,
+        lambda i, k: state(
+            f"named_Psi[{i},{k}]", f"({plant[i].unit})/({plant[k].unit})", "transition of the error",
+            float(i == k),
+        ),
+    )  # fmt: skip
+    age = state("named_age", "1", "ticks since the estimate began")
+    push = of_named_column(
+        "named_push", [*(sized[j].slope if j in sized else bank.pushes[j] for j in range(J)), *accelerations]
+    )
+    jolt = of_named_column("named_jolt", [*bank.jolts, *(0 * bank.jolts[0] for _ in range(E))])
+    left = of_named_column(
+        "named_left", [*(sized[j].left if j in sized else zero for j in range(J)), *[zero] * E]
+    )
+    phi = of_named("named_dispersion", [*bank.dispersion, *[sp.S.One] * E])
+
+    # ---- recursive least squares ---------------------------------------------------------------------
+    now, cov = sp.Matrix(z), sp.Matrix(n + 2, n + 2, lambda i, k: V[min(i, k), max(i, k)])
+    rows, known = write.matrix("refined_rows", bank.C * Psi), write.matrix("known", bank.C * o)
+    constant, growing = bank.C * s + jolt, bank.C * grown + age * jolt
+    away, variances = [], []
     for i, seen in enumerate(bank.whitened):
-        jolt = of_named(f"jolt[{i}]", [one[i] for one in bank.jolts])
-        eta = write.define(f"named_eta[{i}]", (bank.C[i, :] * column)[0] + jolt)
-        row = sp.Matrix([[*rows[i, :], eta]])
+        eta = write.define(f"named_eta[{i}]", constant[i])
+        row = sp.Matrix([[*rows[i, :], eta, write.define(f"named_ramp_eta[{i}]", growing[i])]])
         Vr = write.matrix(f"refined_{i}_Vr", cov * row.T)
         S = write.define(f"refined_{i}_S", phi + (row * Vr)[0])
-        away = write.define(f"refined_{i}_away", (seen - known[i] - (row * now)[0]) / S)
-        now = write.matrix(f"refined_{i}_z", now + Vr * away)
+        off = write.define(f"refined_{i}_away", (seen - known[i] - (row * now)[0]) / S)
+        away.append(off)
+        variances.append(S)
+        now = write.matrix(f"refined_{i}_z", now + Vr * off)
         entries = {(a, b): cov[a, b] - Vr[a] * Vr[b] / S for a, b in V}
-        cov = write.symmetric(f"refined_{i}_V", n + 1, entries)
-    bounds = [of_named(f"named_{k}", [_finite(b[k]) for b in limits]) for k in range(2)]
-    first = write.define("theta_first", within(first, *bounds))
-    amplitude = write.define("amplitude", sp.Piecewise((first, anew > sp.S.Half), (now[n], True)))
+        cov = write.symmetric(f"refined_{i}_V", n + 2, entries)
+
+    # ---- given a constant amplitude, unless the rate is significant -----------------------------------
+    r, spread = n + 1, sp.Max(cov[n + 1, n + 1], 1e-300)
+    steady = write.define("steady", chosen(now[r] ** 2 > DECIDES * spread, sp.S.Zero, sp.S.One))
+    share = [write.define(f"rate_share[{i}]", steady * cov[i, r] / spread) for i in range(n + 1)]
+    part = write.matrix(
+        "given", sp.Matrix([*(now[i] - share[i] * now[r] for i in range(n + 1)), (1 - steady) * now[r]])
+    )
+    rate = part[r]
+    grows = cov[n, n] + (1 - steady) * (2 * age * cov[n, r] + age**2 * cov[r, r]) - share[n] * cov[n, r]
+
+    bounds = [of_named(f"named_{k}", [*(_finite(b[k]) for b in limits), *[sp.Float(sign * FAR)] * E])
+              for k, sign in ((0, -1), (1, 1))]  # fmt: skip
+    first = write.define("theta_first", within(start.first, *bounds))
+    beginning = anew > sp.S.Half
+    amplitude = write.define("amplitude", chosen(beginning, first, part[n] + age * rate))
     theta = write.define("theta", within(amplitude, *bounds))
-    unexplained = sp.Max(0, energy / phi - first**2 * info - dof) + 2 * sp.sqrt(2 * dof)
-    spread = write.define("first_variance", sp.Min(first**2, (1 + unexplained) / info))
-    variance = write.define("theta_variance", sp.Piecewise((spread, anew > sp.S.Half), (cov[n, n], True)))
+    unexplained = sp.Max(0, start.energy / phi - first**2 * start.info - start.dof) + 2 * sp.sqrt(
+        2 * start.dof
+    )
+    wide = write.define("first_variance", sp.Min(first**2, (1 + unexplained) / start.info))
+    variance = write.define("theta_variance", chosen(beginning, wide, sp.Max(grows, 0)))
+    # d = Psi d0 + theta s + theta' s' + o since the estimate began, before this tick's measurements
+    moved = write.matrix("named_error", Psi * part[:n, :] + part[n] * s + rate * grown + o)
 
+    # ---- one tick later: slopes at this estimate, and what they leave ----------------------------------
+    turned = {(i, k) for turn in turns for i in range(n) for k in range(n) if turn[i, k] != 0}
+    g_x = sp.zeros(n, n)
+    for i, k in sorted(turned):
+        g_x[i, k] = amplitude * of_named(f"turn[{i},{k}]", [*(t[i, k] for t in turns), *[sp.S.Zero] * E])
+    M = write.matrix("named_M", bank.M + g_x * bank.A)
+    Psi_next = write.matrix("named_Psi_next", M * Psi)
+    s_next = write.matrix("named_s_next", M * s + push)
+    ramp_next = write.matrix("named_ramp_next", M * grown + age * push)
+    error_next = write.matrix("named_error_next", moves + (part[n] + age * rate) * push + left)
+    slopes = Psi_next * part[:n, :] + part[n] * s_next + rate * ramp_next
+    then = {"named_s": s_next, "named_ramp": ramp_next, "named_o": error_next - slopes}
+
+    # ---- does it hold? ---------------------------------------------------------------------------------
+    unknown = chosen(which > J + sp.S.Half, sp.S.One, sp.S.Zero)
+    begins = write.define("estimate_begins", chosen(told < sp.S.Half, sp.S.One, anew))
+    probes = write_probes(
+        write, plant, [*accelerations, push], jolt, bank.C, M, away, variances, begins, unknown, steady,
+        segment, ERROR,
+    )  # fmt: skip
+    again = probes.renewed
+    begin = write.define("begin_estimate", sp.Max(anew, again))
+    columns_begin = sp.Or(begin > sp.S.Half, told < sp.S.Half)
+
+    # ---- next values -----------------------------------------------------------------------------------
     def begun(value: sp.Expr, start: sp.Expr) -> sp.Expr:
-        return sp.Piecewise((start, anew > sp.S.Half), (value, True))
+        return chosen(begin > sp.S.Half, start, value)
 
-    name = write.define("named_next", sp.Piecewise((which, told > sp.S.Half), (0, True)))
-    following = {"named": name}
-    along = [*_explained(write, bank, n, of_named), sp.S.One]
-    following |= {s.name: begun(now[i], first * along[i]) for i, s in enumerate(z[:n])}
-    following |= {z[n].name: amplitude}
-    for (i, k), s in V.items():
-        start = variance * along[i] * along[k] + (evidence * phi * after[i, k] if k < n else 0)
-        following[s.name] = begun(cov[i, k], start)
-    # d = Psi d0 + theta s + o since the estimate began, before this tick's measurements
-    moved = write.matrix("named_error", Psi * now[:n, :] + theta * column + offset)
-    shift = bank.A * moved
-    return Refined((named, *z, *V.values(), *more), following | moves, theta, variance, shift)
+    following["named"] = write.define("named_next", chosen(told > sp.S.Half, which, sp.S.Zero))
+    explained = _explained(write, bank, n, of_named, E)
+    renews = again > sp.S.Half
+    lost = sp.And(which > J + sp.S.Half, anew > sp.S.Half)  # begins at the error that the refuted change left
+    along = [*(chosen(renews, probes.column[i], explained[i]) for i in range(n)), sp.S.One]
+    along = [write.define(f"along[{i}]", e) for i, e in enumerate(along)]
+    size = write.define("step_size", chosen(renews, probes.change, chosen(lost, sp.S.Zero, first)))
+    keeps = write.define("keeps_error", chosen(sp.Or(renews, lost), sp.S.One, sp.S.Zero))
+    base = [write.define(f"base[{i}]", keeps * e) for i, e in enumerate(error_next)]
+    proof = write.define(
+        "step_evidence", chosen(renews, probes.change**2 * probes.information, start.evidence)
+    )
+    renewing = probes.change**2 + 1 / probes.information
+    arbitrary = start.evidence / sp.Max(probes.refuting, 1e-300)
+    widened = write.define("step_variance", chosen(renews, renewing, chosen(lost, arbitrary, wide)))
+    here = write.define("theta_from", again * theta)
+    for i in range(n):
+        following[f"z[{i}]"] = begun(now[i], base[i] + size * along[i])
+    following[f"z[{n}]"] = begun(now[n], here + size)
+    following[f"z[{r}]"] = begun(now[r], sp.S.Zero)
+    fastest = widened / sp.Integer(segment) ** 2  # it may grow by its standard deviation in a segment
+    for (i, k), _ in V.items():
+        value = widened * along[i] * along[k] if k <= n else fastest if i == r else sp.S.Zero
+        value += proof * phi * after[i, k] if k < n else 0
+        following[f"V[{i},{k}]"] = begun(cov[i, k], value)
+    for key, column in then.items():
+        following |= {f"{key}[{i}]": chosen(columns_begin, sp.S.Zero, column[i]) for i in range(n)}
+    following |= {
+        f"named_Psi[{i},{k}]": chosen(columns_begin, sp.eye(n)[i, k], Psi_next[i, k])
+        for i in range(n)
+        for k in range(n)
+    }
+    following["named_age"] = chosen(columns_begin, sp.S.Zero, age + 1)
+    peak = state("peak", "1", "largest amplitude that was significant")
+    higher = sp.And(theta**2 > peak**2, theta**2 > DECIDES * variance, steady > sp.S.Half)
+    following["peak"] = chosen(beginning, sp.S.Zero, chosen(higher, theta, peak))
+    state("named_theta", "1", "amplitude")
+    state("named_variance", "1", "variance of the amplitude")
+    following |= {"named_theta": amplitude, "named_variance": variance}
+    none, same = theta**2, (theta - peak) ** 2
+    ended = sp.And(same - none > DECIDES * variance, none < DECIDES * variance)
+    return Refined(
+        (*own, *probes.states),
+        following | probes.next_values,
+        theta,
+        variance,
+        now[r],
+        cov[r, r],
+        chosen(ended, sp.S.One, sp.S.Zero),
+        age,
+        bank.A * moved,
+        probes,
+    )
 
 
 def _explained(
-    write: Equations, bank: Bank, n: int, of_named: Callable[[str, Sequence[sp.Expr]], sp.Expr]
+    write: Equations, bank: Bank, n: int, of_named: Callable[[str, Sequence[sp.Expr]], sp.Expr], E: int
 ) -> sp.Matrix:
     """Write c, the column of the named candidate since the start of the best window, before the next tick."""
-    window, W = sp.Symbol("best_window", real=True), range(len(bank.Psi))
+    window, W, none = sp.Symbol("best_window", real=True), range(len(bank.Psi)), [sp.S.Zero] * E
 
     def of_window(name: str, values: Sequence[sp.Expr]) -> sp.Expr:
         pairs = [(v, window < w + 0.5) for w, v in enumerate(values[:-1])]
         return write.define(name, sp.Piecewise(*pairs, (values[-1], True), evaluate=False))
 
     def begun(i: int) -> sp.Expr:
-        values = [of_named(f"named_begun[{w},{i}]", [c[i] for c in bank.begun[w]]) for w in W]
+        values = [of_named(f"named_begun[{w},{i}]", [*(c[i] for c in bank.begun[w]), *none]) for w in W]
         return of_window(f"best_begun[{i}]", values)
 
-    s = sp.Matrix([of_named(f"named_after[{i}]", [c[i] for c in bank.after]) for i in range(n)])
+    s = sp.Matrix([of_named(f"named_after[{i}]", [*(c[i] for c in bank.after), *none]) for i in range(n)])
     start = sp.Matrix([begun(i) for i in range(n)])
     Psi = sp.Matrix(n, n, lambda i, k: of_window(f"best_Psi[{i},{k}]", [P[i, k] for P in bank.Psi]))
     return write.matrix("explained", s - Psi * start)
@@ -195,57 +369,3 @@ def _explained(
 
 def _finite(bound: sp.Expr) -> sp.Expr:
     return sp.Float(math.copysign(FAR, float(bound))) if bound.is_infinite else bound
-
-
-def _columns(
-    write: Equations,
-    bank: Bank,
-    plant: Sequence[Signal],
-    of_named: Callable[[str, Sequence[sp.Expr]], sp.Expr],
-    anew: sp.Expr,
-    sized: Mapping[int, Sized],
-) -> tuple[sp.Matrix, sp.Matrix, sp.Matrix, dict[str, sp.Expr], tuple[Signal, ...]]:
-    """Write Psi, the column s of the named candidate and the offset o, all since the estimate began.
-
-    Returns
-    -------
-    Psi, column, offset : sympy.Matrix
-        Before this tick.
-    next_values : dict of str to sympy.Expr
-    states : tuple of Signal
-    """
-    n, J = len(plant), range(len(bank.pushes))
-
-    def states(name: str, text: str) -> list[Signal]:
-        return [Signal(f"named_{name}[{i}]", p.unit, f"{text} of {p.name}") for i, p in enumerate(plant)]
-
-    def since(name: str, signals: Sequence[Signal], then: sp.Matrix, start: sp.Matrix) -> dict[str, sp.Expr]:
-        new = write.matrix(name, then)
-        return {
-            x.name: sp.Piecewise((a, anew > sp.S.Half), (b, True))
-            for x, a, b in zip(signals, start, new, strict=True)
-        }
-
-    def named(name: str, columns: Sequence[sp.Matrix]) -> sp.Matrix:
-        return sp.Matrix([of_named(f"{name}[{i}]", [c[i] for c in columns]) for i in range(n)])
-
-    zero = sp.zeros(n, 1)
-    s, o = (
-        states("s", "error by the named candidate"),
-        states("o", "known part of the error") if sized else [],
-    )
-    column, offset = sp.Matrix([x.symbol for x in s]), sp.Matrix([x.symbol for x in o]) if o else zero
-    pushes = [sized[j].slope if j in sized else bank.pushes[j] for j in J]
-    moves = since("named_s_next", s, bank.M * column + named("named_push", pushes), zero)
-    if sized:
-        left = named("named_left", [sized[j].left if j in sized else zero for j in J])
-        moves |= since("named_o_next", o, bank.M * offset + left, zero)
-    text = "transition of the error since the estimate began"
-    entries = [
-        Signal(f"named_Psi[{i},{k}]", f"({a.unit})/({b.unit})", text, start=float(i == k))
-        for i, a in enumerate(plant)
-        for k, b in enumerate(plant)
-    ]
-    Psi = sp.Matrix(n, n, [x.symbol for x in entries])
-    moves |= since("named_Psi_next", entries, bank.M * Psi, sp.eye(n))
-    return Psi, column, offset, moves, (*s, *o, *entries)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,7 +18,7 @@ from hovercontrol.base.plain_json import json_text, plain
 from hovercontrol.base.pyplot import open_in_pyplot
 from hovercontrol.base.tables import positive
 from hovercontrol.blocks.block import Block
-from hovercontrol.identification.monitor.alarms import HOLD, Alarm, Alarms
+from hovercontrol.identification.monitor.alarms import Alarm, Alarms
 from hovercontrol.identification.monitor.feed import Feed, Tick, candidates_in, parameter_of
 from hovercontrol.identification.monitor.notes import Note
 from hovercontrol.logs.log import Log
@@ -47,6 +48,8 @@ class Replayed:
         Rows left out because of their times; starts anew, after gaps of more than 30 s for one.
     notes : tuple of str
         Where the noise and the threshold come from, then what is wrong with the rows, one line each.
+    hold : float
+        Time after an alarm for which evidence is collected [s].
 
     Examples
     --------
@@ -64,6 +67,7 @@ class Replayed:
     late: int
     restarts: int
     notes: tuple[str, ...] = ()
+    hold: float = 5.0
 
     def __repr__(self) -> str:
         return f"Replayed: {self.text()}"
@@ -85,7 +89,7 @@ class Replayed:
             if alarm.kind == "dead":
                 ended = alarm.last < self.time[-1] - 1e-9
                 seen = f" until {alarm.last:.1f} s" if ended else " until the end"
-            elif alarm.last > alarm.time + HOLD + 1.0:
+            elif alarm.last > alarm.time + self.hold and not math.isfinite(alarm.ended):
                 seen = f"; still so at {alarm.last:.1f} s"
             lines.append(f"{alarm}{seen}")
         return "\n".join(lines)
@@ -149,18 +153,24 @@ class Replayed:
 
 def alarm_json(alarm: Alarm) -> dict[str, Any]:
     """Return an alarm for JSON."""
-    return {
-        "time": alarm.time,
-        "name": alarm.name,
-        "kind": alarm.kind,
-        "change": alarm.change,
-        "std": alarm.std,
-        "unit": alarm.unit,
-        "since": alarm.since,
-        "rivals": list(alarm.rivals),
-        "evidence": alarm.evidence,
-        "last": alarm.last,
-    }
+    found: dict[str, Any] = plain(
+        {
+            "time": alarm.time,
+            "name": alarm.name,
+            "kind": alarm.kind,
+            "change": alarm.change,
+            "std": alarm.std,
+            "unit": alarm.unit,
+            "since": alarm.since,
+            "rivals": list(alarm.rivals),
+            "evidence": alarm.evidence,
+            "last": alarm.last,
+            "rate": alarm.rate,
+            "rate_std": alarm.rate_std,
+            "ended": alarm.ended,
+        }
+    )
+    return found
 
 
 @checked
@@ -168,7 +178,7 @@ def replay(
     watch: Block,
     log: Log,
     *,
-    hold: float = HOLD,
+    hold: float | None = None,
     notes: Sequence[str] = (),
     progress: Callable[[float, str], None] | None = None,
 ) -> Replayed:
@@ -182,7 +192,8 @@ def replay(
     log : Log
         With the monitor's measured channels and commands.
     hold : float, optional
-        Time after an alarm for which evidence is collected; then the tests restart [s].
+        Time after an alarm for which evidence is collected [s] (default: 2.5 times `settle` of the monitor,
+        5 s for a craft).
     notes : sequence of str, optional
         Lines to begin the text with.
     progress : callable, optional
@@ -216,7 +227,8 @@ def replay(
     >>> [alarm.name for alarm in found.alarms]
     ['m']
     """
-    positive("replay: hold", hold)
+    if hold is not None:
+        positive("replay: hold", hold)
     report = progress or (lambda part, what: None)
     report(0.0, "compiling the monitor")
     feed, alarms = Feed(watch), Alarms(watch, hold)
@@ -269,10 +281,12 @@ def events(feed: Feed, alarms: Alarms, one: Tick | Note) -> Iterator[tuple[str, 
 
 def settle(feed: Feed, alarms: Alarms, event: str, alarm: Alarm) -> Alarm:
     """Put a change that is named without a rival into the monitor; return the alarm with its size."""
-    if event != "named" or alarm.rivals:
+    if event == "ended" and alarms.open is None and feed.holds(alarm.name):
+        feed.adopt(alarm.name, -alarm.change)
+    if event != "named" or alarm.rivals or not math.isnan(alarm.ended) or not feed.holds(alarm.name):
         return alarm
     taken = feed.adopt(alarm.name, alarm.change)
-    if taken in (0.0, alarm.change):  # 0: at its bound already, another cause is likelier
+    if taken == 0.0:  # at its bound already, another cause is likelier
         return alarm
     alarms.took(alarm, taken)
     return replace(alarm, change=taken)
@@ -292,6 +306,7 @@ def _replayed(
         feed.clock.late.total,
         feed.restarts,
         tuple(notes),
+        alarms.hold,
     )
 
 

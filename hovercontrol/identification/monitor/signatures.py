@@ -76,7 +76,7 @@ def _in_windows(design: Design, own: Array, columns: Array, C: Array, M: Array) 
     """Return the signatures by tick, window, candidate and measurement."""
     K, J, m = own.shape
     W, n = design.windows, columns.shape[2]
-    begun, Psi = np.zeros((W, J, n)), np.broadcast_to(np.eye(n), (W, n, n)).copy()
+    begun, Psi = np.repeat(columns[:1], W, axis=0), np.broadcast_to(np.eye(n), (W, n, n)).copy()
     eta = np.empty((K, W, J, m))
     for k in range(K):
         # eta(tau) = eta - C Psi s(tau), then Psi <- M Psi (see bank.py)

@@ -361,7 +361,7 @@ def test_a_recording_that_cannot_be_written_is_there_when_the_server_has_ended(t
 def test_the_server_ends_at_once_while_a_monitor_is_built(tmp_path, monkeypatch):
     """The craft flies on meanwhile."""
     end = threading.Event()
-    monkeypatch.setattr("hovercontrol.app.cockpit.loops.watch_block", lambda model: end.wait(60.0))
+    monkeypatch.setattr("hovercontrol.app.cockpit.loops.elsewhere", lambda make, model: end.wait(60.0))
 
     async def fly(client, folder):
         async with talking(client) as (talk, _):

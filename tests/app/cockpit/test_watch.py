@@ -47,7 +47,7 @@ class Canned:
 
 @pytest.fixture
 def canned(monkeypatch):
-    monkeypatch.setattr("hovercontrol.app.cockpit.loops.watch_block", lambda model: Block("watch"))
+    monkeypatch.setattr("hovercontrol.app.cockpit.loops.elsewhere", lambda make, model: Block("watch"))
     monkeypatch.setattr("hovercontrol.app.cockpit.loops.Watch", Canned)
 
 

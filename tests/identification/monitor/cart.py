@@ -29,14 +29,19 @@ def step(c):
     return expm(PERIOD * np.array([[0.0, 1.0, 0.0], [0.0, -c, 1.0 / MASS], [0.0, 0.0, 0.0]]))[:2]
 
 
-def log(seconds=60.0, *, seed=1, drag=0.0, bias=0.0, onset=30.0, start=0.0):
-    """Return a log of the cart, p and F; at the onset the drag and the sensor's bias grow."""
+def log(seconds=60.0, *, seed=1, drag=0.0, bias=0.0, onset=30.0, start=0.0, until=1e9, push=0.0, ramp=0.0):
+    """Return a log of the cart, p and F.
+
+    From the onset until a time the drag is larger by `drag`, and by `ramp` in each second; the sensor has a
+    bias; and `push` [m/s^2] acts.
+    """
     rng = np.random.default_rng(seed)
     t = PERIOD * np.arange(round(seconds / PERIOD))
     F = 2.0 * np.sign(np.sin(0.9 * t + 0.1))
     x, p = np.zeros(2), []
     for k, now in enumerate(t):
-        c = DRAG + (drag if now >= onset else 0.0)
-        p.append(x[0] + (bias if now >= onset else 0.0) + NOISE * rng.normal())
-        x = step(c) @ [*x, F[k]]
+        on = onset <= now < until
+        p.append(x[0] + (bias if on else 0.0) + NOISE * rng.normal())
+        c = DRAG + (drag + ramp * (now - onset) if on else 0.0)
+        x = step(c) @ [*x, F[k] + (MASS * push if on else 0.0)]
     return hc.Log("cart.csv", start + t, {"p": np.array(p), "F": F})

@@ -129,7 +129,7 @@ def test_signatures_along_a_noisy_motion_bring_the_information_of_the_tests():
 def test_a_change_is_named_with_its_size(block):
     y, F = data(change=2.0, n=250)
     told, _ = run(block, y, F)
-    assert named_effects(block) == ["c", "p_bias", "p"]
+    assert named_effects(block) == ["c", "p_bias", "p", "unknown_v"]
     assert told["alarm"][:60].max() == 0.0 and told["alarm"][-1] == 1.0
     assert told["effect"][-1] == 1.0 and told["possible_p_bias"][-1] == 0.0
     assert abs(told["change"][-1] - 2.0) < 2 * told["change_std"][-1] < 1.0

@@ -284,7 +284,7 @@ def test_a_source_that_falls_silent_is_dead_by_the_clock_on_the_wall(monkeypatch
     events = told(lines())
     assert [(e["event"], e["name"]) for e in events[1:-1]] == [("dead", "p"), ("back", "p")] * 2
     first, _, dead, _ = events[1:-1]
-    assert math.isnan(first["time"]) and dead["since"] == pytest.approx(19.8, abs=PERIOD)
+    assert first["time"] is None and dead["since"] == pytest.approx(19.8, abs=PERIOD)
     assert dead["time"] == pytest.approx(19.8 + 3.0, abs=PERIOD)
 
 

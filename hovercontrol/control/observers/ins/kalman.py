@@ -53,6 +53,11 @@ class Correction:
     estimate: Estimate
 
 
+def chosen(condition: sp.Expr, value: sp.Expr, other: sp.Expr) -> sp.Expr:
+    """Return `value` where a condition holds, else `other`; SymPy does not look for a simpler form."""
+    return sp.Piecewise((value, condition), (other, True), evaluate=False)
+
+
 class Equations:
     """Collect the named intermediate expressions (definitions) of a Block.
 

@@ -1,0 +1,226 @@
+"""Sizes of a monitor's named changes: three machines in closed loop, with and without dry friction.
+
+Each candidate changes at 12 s, in three sizes; the size is judged 5 s after the alarm. A cell is met if at
+least 85 % of the runs in which the change is named lie within two standard errors, with a mean error below
+half a standard error.
+
+``python -m benchmarks.monitor_sizes RUNS MACHINE ...`` simulates RUNS for each cell (4) of machines (all).
+"""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import sympy as sp
+from numpy.typing import NDArray
+
+import hovercontrol as hc
+from benchmarks import monitor as craft_loop
+from hovercontrol.blocks.sgn import sgn
+from hovercontrol.blocks.signals import time
+from hovercontrol.craft.models.interface import AnyModel, as_model
+from hovercontrol.identification.monitor.monitor import named_effects
+
+Array = NDArray[np.float64]
+PERIOD, ONSET, LENGTH, JUDGED = 0.02, 12.0, 20.0, 5.0
+
+
+@dataclass(frozen=True)
+class Machine:
+    """A machine in its loop.
+
+    Attributes
+    ----------
+    model : Model or BlockModel
+    law : list of Block
+        Without the plant; its commands hold from tick to tick.
+    noise, process : dict of str to float
+        Of the measured channels and of the derivatives, as a monitor takes them.
+    changes : dict of str to sequence of float
+        Three sizes by candidate.
+    """
+
+    model: AnyModel
+    law: Sequence[hc.Block]
+    noise: Mapping[str, float]
+    process: Mapping[str, float]
+    changes: Mapping[str, Sequence[float]]
+
+
+def hold(sent: Sequence[hc.Signal]) -> hc.Block:
+    wanted = [s.replace(name=f"{s.name}_wanted", lower=-sp.oo, upper=sp.oo) for s in sent]
+    values = {s.name: w.symbol for s, w in zip(sent, wanted, strict=True)}
+    return hc.Block("hold", [], wanted, sent, output_expressions=values, period=PERIOD)
+
+
+def hovercraft(dry: bool) -> Machine:
+    model = craft_loop.craft()
+    if not dry:
+        model = model.without_effects("surge_coulomb", "sway_coulomb", "yaw_coulomb")
+    changes = {
+        "thrust": (-0.06, -0.15, -0.3), "yaw_linear_drag": (0.1, 0.3, 1.0),
+        "rudder_torque": (-0.2, -0.6, -1.2),
+        "surge_quadratic_drag": (0.15, 0.35, 0.8), "rudder_offset": (0.02, 0.06, 0.15),
+        "thrust_lag": (0.1, 0.2, 0.4), "munk_moment": (0.3, 0.65, 1.5), "psi_bias": (0.01, 0.03, 0.1),
+    }  # fmt: skip
+    return Machine(model, craft_loop.law(model), craft_loop.NOISE, craft_loop.PROCESS, changes)
+
+
+def boat(dry: bool) -> Machine:
+    """Two fans astern; the speed and the yaw rate follow sines."""
+    friction = [hc.effect("surge_coulomb", 0.15, width=0.01), hc.effect("yaw_coulomb", 0.2, width=0.01)]
+    drags = [
+        hc.effect("surge_linear_drag", 0.5), hc.effect("sway_linear_drag", 1.2),
+        hc.effect("yaw_linear_drag", 0.8), hc.effect("fan_force", 0.8), hc.effect("fan_torque", 1.5),
+    ]  # fmt: skip
+    fans = (hc.Fan("left", -0.3, -0.2, 0.0, reverses=True), hc.Fan("right", -0.3, 0.2, 0.0, reverses=True))
+    model = hc.Model("boat", [*drags, *(friction if dry else [])], fans=fans)
+    u, r, left, right = model.plant().signal("u"), model.plant().signal("r"), *model.plant().inputs
+    ahead, turn = hc.Signal("ahead", "N*s/m", start=4.0), hc.Signal("turn", "N*s/rad", start=3.0)
+    speed, rate = hc.Signal("speed", "m/s", start=0.1), hc.Signal("rate", "rad/s", start=0.6)
+    second = hc.Signal("second", "1/s", start=1.0)
+    clock = second.symbol * time
+    push = ahead.symbol * (speed.symbol * (5 + 2 * sp.sin(0.5 * clock)) - u.symbol)
+    yaw = turn.symbol * (rate.symbol * sp.sin(0.8 * clock) - r.symbol)
+    wanted = [s.replace(name=f"{s.name}_wanted", lower=-sp.oo, upper=sp.oo) for s in (left, right)]
+    pilot = hc.Block(
+        "pilot", [], [u, r], wanted, [ahead, turn, speed, rate, second],
+        output_expressions={wanted[0].name: push + yaw, wanted[1].name: push - yaw},
+    )  # fmt: skip
+    changes = {
+        "fan_force": (-0.08, -0.2, -0.4), "fan_torque": (-0.1, -0.3, -0.7),
+        "sway_linear_drag": (0.4, 1.0, 2.0),
+        "yaw_linear_drag": (0.1, 0.3, 1.0), "fan_lag": (0.1, 0.2, 0.4), "x_bias": (0.005, 0.02, 0.05),
+    }  # fmt: skip
+    noise, process = {"x": 2e-3, "y": 2e-3, "psi": 4e-3}, {"u": 0.02, "v": 0.02, "r": 0.05}
+    return Machine(model, [pilot, hold([left, right])], noise, process, changes)
+
+
+def drive(dry: bool) -> Machine:
+    """A motor whose speed follows two sines through zero."""
+    w, U = hc.Signal("w", "rad/s"), hc.Signal("U", "V")
+    k, b = hc.Signal("k", "rad/s^2/V", start=4.0), hc.Signal("b", "1/s", start=1.5)
+    c, width = hc.Signal("c", "rad/s^2", start=1.5), hc.Signal("width", "rad/s", start=0.05)
+    rub = c.symbol * sgn(w.symbol, width.symbol) if dry else 0 * c.symbol
+    numbers = [k, b, c, width] if dry else [k, b]
+    block = hc.Block("drive", [w], [U], [w], numbers, {"w": k.symbol * U.symbol - b.symbol * w.symbol - rub})
+    gain, size = hc.Signal("gain", "V*s/rad", start=1.0), hc.Signal("size", "rad/s", start=3.0)
+    second, sent = hc.Signal("second", "1/s", start=1.0), U.replace(name="U_wanted")
+    clock = second.symbol * time
+    wanted = size.symbol * (sp.sin(1.1 * clock) + sp.sin(2.3 * clock)) - w.symbol
+    law = hc.Block(
+        "law", [], [w], [sent], [gain, size, second], output_expressions={"U_wanted": gain.symbol * wanted}
+    )
+    changes = {
+        "k": (-0.3, -0.8, -2.0), "b": (0.2, 0.6, 2.0), "U_deadzone": (0.1, 0.3, 0.6),
+        "U_lag": (0.05, 0.1, 0.3),
+        "w_bias": (0.1, 0.3, 1.0), **({"c": (-0.3, 0.6, 1.5)} if dry else {}),
+    }  # fmt: skip
+    return Machine(hc.BlockModel(block), [law, hold([U])], {"w": 0.02}, {"w": 0.1}, changes)
+
+
+MACHINES: dict[str, Callable[[bool], Machine]] = {"hovercraft": hovercraft, "boat": boat, "drive": drive}
+
+
+def loop_of(machine: Machine, model: AnyModel) -> hc.Block:
+    commands = [s.name for s in machine.model.plant().inputs]
+    outputs = list(dict.fromkeys([*machine.noise, *machine.process, *commands]))
+    parts = [craft_loop.pushed(model, machine.process), *machine.law]
+    return hc.interconnect(parts, inputs=[f"push_{n}" for n in machine.process], outputs=outputs)
+
+
+def runs_of(machine: Machine, name: str, size: float, seeds: Sequence[int]) -> Iterator[dict[str, Array]]:
+    """Yield measured channels and commands of loops in which a change sets in."""
+    model, first = as_model(machine.model), loop_of(machine, machine.model)
+    own = {model.coefficient_name(key): key for key in model.coefficients()}
+    then, params = first, {}
+    if name in own:
+        key = f"{model.plant().name}.{own[name].rpartition('.')[2]}"
+        key = next(p.name for p in first.parameters if p.name.endswith(key.rpartition(".")[2]))
+        params = {key: float(first.parameter(key).start) + size}
+    elif not name.endswith("_bias"):
+        cls = model.effect_class(name)
+        number = next(k for k, n in cls.numbers.items() if not np.isnan(n.neutral))
+        then = loop_of(machine, model.with_effects([cls(**{number: size})]))
+    t = np.arange(0.0, LENGTH + PERIOD / 2, PERIOD)
+    k = round(ONSET / PERIOD)
+    names = [s.name for s in first.outputs]
+    for seed in seeds:
+        rng = np.random.default_rng(seed)
+        push = {
+            f"push_{n}": q / np.sqrt(PERIOD) * rng.normal(size=t.size) for n, q in machine.process.items()
+        }
+        one = first.compile().simulate(t[: k + 1], {n: v[: k + 1] for n, v in push.items()}, hold="zero")
+        start = dict(zip((s.name for s in first.states), one.states[:, -1], strict=True))
+        for s in then.states:  # a lag begins at its command
+            for command in names:
+                if s.name.endswith(f"{command}_lagged"):
+                    start[s.name] = float(one.outputs[names.index(command), -1])
+        start = {s.name: start[s.name] for s in then.states if s.name in start}
+        two = then.compile().simulate(
+            t[k:], {n: v[k:] for n, v in push.items()}, x0=start, params=params, hold="zero"
+        )
+        found = dict(zip(names, np.hstack([one.outputs[:, :-1], two.outputs]), strict=True))
+        for n, std in machine.noise.items():
+            biased = size * (t >= ONSET) if name == f"{n}_bias" else 0.0
+            found[n] = found[n] + std * rng.normal(size=t.size) + biased
+        yield {n: found[n] for n in names if n in machine.noise or n not in machine.process}
+
+
+def motion(machine: Machine) -> hc.Log:
+    """Return a minute of the loop without noise."""
+    loop, t = loop_of(machine, machine.model), np.arange(0.0, 60.0, PERIOD)
+    still = {f"push_{n}": 0 * t for n in machine.process}
+    run = loop.compile().simulate(t, still)
+    return hc.Log(
+        "loop", t, dict(zip((s.name for s in loop.outputs), np.atleast_2d(run.outputs), strict=True))
+    )
+
+
+def cells(machine: Machine, label: str, runs: int) -> Iterator[tuple[str, str, str, bool | None]]:
+    watch = hc.monitor(
+        machine.model, list(machine.changes), false_alarms_per_hour=1.0, period=PERIOD,
+        process_noise=machine.process, measurement_noise=machine.noise, motion=motion(machine),
+    )  # fmt: skip
+    compiled, every = watch.compile(), named_effects(watch)
+    outputs = [s.name for s in watch.outputs]
+    for name, sizes in machine.changes.items():
+        for size in sizes:
+            told: Counter[str] = Counter()
+            errors = []
+            for data in runs_of(machine, name, size, range(1, runs + 1)):
+                t = PERIOD * np.arange(len(next(iter(data.values()))))
+                inputs = {s.name: data.get(s.name, 0 * t) for s in watch.inputs}
+                out = dict(zip(outputs, compiled.simulate(t, inputs).outputs, strict=True))
+                late = np.flatnonzero((out["alarm"] > 0.5) & (t >= ONSET))
+                if not late.size:
+                    told["none"] += 1
+                    continue
+                k = min(late[0] + round(JUDGED / PERIOD), t.size - 1)
+                found = every[int(out["effect"][k]) - 1]
+                rivals = sum(out[o][k] > 0.5 for o in outputs if o.startswith("possible_")) > 1
+                told[f"{found}{' or more' if rivals else ''}"] += 1
+                if found == name:
+                    errors.append((float(out["change"][k]) - size) / float(out["change_std"][k]))
+            z = np.array(errors)
+            inside = int((np.abs(z) < 2.0).sum())
+            said = ", ".join(f"{n} {count}" for n, count in told.items())
+            right = f"{inside} of {z.size}, mean {z.mean():.2f}" if z.size else "not named"
+            met = inside >= 0.85 * z.size and abs(z.mean()) < 0.5 if z.size else None
+            yield f"{label}, {name} {size:g}: {said}", right, "85 %, mean < 0.5", met
+
+
+def rows(runs: int = 4, machines: Sequence[str] = ()) -> Iterator[tuple[str, str, str, bool | None]]:
+    for label in machines or MACHINES:
+        for dry in (False, True):
+            yield from cells(MACHINES[label](dry), f"{label}{', dry friction' if dry else ''}", runs)
+
+
+if __name__ == "__main__":
+    given = sys.argv[1:]
+    for row in rows(int(given[0]) if given else 4, given[1:]):
+        print(*row, flush=True)
