@@ -196,7 +196,10 @@ def cells(machine: Machine, label: str, runs: int) -> Iterator[tuple[str, str, s
                 t = PERIOD * np.arange(len(next(iter(data.values()))))
                 inputs = {s.name: data.get(s.name, 0 * t) for s in watch.inputs}
                 out = dict(zip(outputs, compiled.simulate(t, inputs).outputs, strict=True))
-                late = np.flatnonzero((out["alarm"] > 0.5) & (t >= ONSET))
+                if out["alarm"][t < ONSET].any():
+                    told["an alarm before the change"] += 1
+                    continue
+                late = np.flatnonzero(out["alarm"] > 0.5)
                 if not late.size:
                     told["none"] += 1
                     continue

@@ -133,103 +133,165 @@ def decide(
     J = len(candidates)
     unknown = Signal("unknown", "1", "number of the equation with an unknown acceleration; 0: none")
     refuted = [Signal(f"refuted[{j}]", "1", f"1 if {c.name} is refuted") for j, c in enumerate(candidates)]
-    every = []  # (g, candidate, window), of a candidate that is not refuted
-    largest, in_play = [], []
-    for j, c in enumerate(candidates):
-        mine = []
-        for w, (b, info) in enumerate(zip(bank.score[j], bank.information[j], strict=True)):
-            whole = likelihood(b, info + floors[j].symbol, *limits[j])
-            mine.append(write.define(f"g[{w},{j}]", chosen(told, whole, limited[j][w])))
-        largest.append(write.define(f"evidence_{c.name}", sp.Max(*mine, evaluate=False)))
-        out = sp.And(refuted[j].symbol > sp.S.Half, unknown.symbol < sp.S.Half)
-        in_play.append(write.define(f"in_play[{j}]", chosen(out, -sp.S.One, largest[-1])))
-        every += [(g, j, w) for w, g in enumerate(mine)]
+    lost = unknown.symbol > sp.S.Half
+    scores = _scores(write, bank, floors, limits, limited, told)
+    largest = [
+        write.define(f"evidence_{c.name}", sp.Max(*row, evaluate=False))
+        for c, row in zip(candidates, scores, strict=True)
+    ]
+    in_play = [  # evidence of a candidate that is not refuted
+        write.define(f"in_play[{j}]", chosen(sp.And(s.symbol > sp.S.Half, sp.Not(lost)), -sp.S.One, g))
+        for j, (s, g) in enumerate(zip(refuted, largest, strict=True))
+    ]
     best = write.define("evidence", sp.Max(*largest, evaluate=False))
     likeliest = write.define("best_in_play", sp.Max(*in_play, evaluate=False))
-    tops = [sp.And(g >= in_play[j], in_play[j] >= likeliest) for g, j, _ in every]
+    at = [(j, w) for j, row in enumerate(scores) for w in range(len(row))]
+    tops = [sp.And(scores[j][w] >= in_play[j], in_play[j] >= likeliest) for j, w in at]
 
     def of_best(name: str, values: Sequence[sp.Expr]) -> sp.Expr:
         pairs = list(zip(values[:-1], tops[:-1], strict=True))
         return write.define(name, sp.Piecewise(*pairs, (values[-1], True), evaluate=False))
 
-    at = [(j, w) for _, j, w in every]
     named = of_best("best", [sp.Integer(j + 1) for j, _ in at])
-    lost = unknown.symbol > sp.S.Half
     which = write.define("which", chosen(lost, J + unknown.symbol, named))
     b = of_best("best_b", [bank.score[j][w] for j, w in at])
-    info = of_best("best_J", [bank.information[j][w] for j, w in at])
+    info = sp.Max(of_best("best_J", [bank.information[j][w] for j, w in at]), 1e-300)
     of_best("best_window", [sp.Integer(w) for _, w in at])
     age = of_best("best_age", [bank.age[w] for _, w in at])
     energy = of_best("best_energy", [bank.energy[w] for _, w in at])
-    outputs, values = [], {}
-
-    def output(signal: Signal, value: sp.Expr) -> None:
-        outputs.append(signal)
-        values[signal.name] = value
-
-    names = [c.name for c in candidates]
-    anything = write.define("any_dead", sp.Max(*dead))
-    listed = [f"{k + 1} {n}" for k, n in enumerate(names)]
-    listed += [f"{len(names) + k + 1} {s.name}" for k, s in enumerate(channels)]
-    output(
-        Signal("alarm", "1", "1 from an alarm on until a reset, and while a sensor is dead"),
-        sp.Max(alarm, anything),
-    )
-    sensors = [(sp.Integer(J + k + 1), d > sp.S.Half) for k, d in enumerate(dead)]
-    number = chosen(lost, J + len(channels) + unknown.symbol, which)
-    output(
-        Signal("effect", "1", f"0 none; {', '.join(listed)}; {J + 1} to {J + len(channels)}: dead sensors"),
-        sp.Piecewise(*sensors, (number, told), (sp.S.Zero, True), evaluate=False),
-    )
-    output(Signal("evidence", "1", "largest g; alarm above the threshold"), best)
-    info = sp.Max(info, 1e-300)
     start = Start(b / info, best, info, energy, len(channels) * age)
     refined = refine(
         write, bank, plant, which, alarm, start, after, limits, sized, accelerations, moves, turns, segment
     )
-    scales = [sp.Float(c.scale) for c in candidates]
-    pairs = [(scale, which < j + 1.5) for j, scale in enumerate(scales)]
+    number = chosen(lost, J + len(channels) + unknown.symbol, which)
+    outputs = _alarm_outputs(write, candidates, channels, dead, alarm, number)
+    outputs[Signal("evidence", "1", "largest g; alarm above the threshold")] = best
+    outputs |= _size_outputs(write, candidates, refined, which, told, age, period)
+    least = write.define("least", least_evidence(best))
+    outputs |= _outputs_of_each(candidates, largest, in_play, least, told, unknown)
+    for s, d in zip(channels, dead, strict=True):
+        outputs[Signal(f"dead_{s.name}", "1", f"1 while no new sample of {s.name} comes")] = d
+    outputs |= _unknown_outputs(equations, unknown, told)
+    following = _refutations(refined, unknown, refuted, in_play, which, least)
+    values = {s.name: e for s, e in outputs.items()}
+    return Decision(tuple(outputs), values, alarm, refined, (unknown, *refuted), following)
+
+
+def _scores(
+    write: Equations,
+    bank: Bank,
+    floors: Sequence[Signal],
+    limits: Sequence[tuple[sp.Expr, sp.Expr]],
+    limited: Sequence[Sequence[sp.Expr]],
+    told: sp.Expr,
+) -> list[list[sp.Expr]]:
+    """Write g by candidate and window: of limited innovations until an alarm, of all from then on."""
+    scores = []
+    for j, (floor, limit) in enumerate(zip(floors, limits, strict=True)):
+        sums = zip(bank.score[j], bank.information[j], limited[j], strict=True)
+        pairs = [(likelihood(b, info + floor.symbol, *limit), few) for b, info, few in sums]
+        scores.append([write.define(f"g[{w},{j}]", chosen(told, *pair)) for w, pair in enumerate(pairs)])
+    return scores
+
+
+def _alarm_outputs(
+    write: Equations,
+    candidates: Sequence[Candidate],
+    channels: Sequence[Signal],
+    dead: Sequence[sp.Expr],
+    alarm: sp.Expr,
+    number: sp.Expr,
+) -> dict[Signal, sp.Expr]:
+    """Return the alarm and the number of what it names; dead sensors come behind the candidates."""
+    anything = write.define("any_dead", sp.Max(*dead))
+    names = [*(c.name for c in candidates), *(s.name for s in channels)]
+    listed = ", ".join(f"{k} {n}" for k, n in enumerate(names, 1))
+    first = len(candidates) + 1
+    sensors = [(sp.Integer(first + k), d > sp.S.Half) for k, d in enumerate(dead)]
+    return {
+        Signal("alarm", "1", "1 from an alarm on until a reset, and while a sensor is dead"): (
+            sp.Max(alarm, anything)
+        ),
+        Signal("effect", "1", f"0 none; {listed}; {first} to {len(names)}: dead; above: unknown"): (
+            sp.Piecewise(*sensors, (number, alarm > sp.S.Half), (sp.S.Zero, True), evaluate=False)
+        ),
+    }
+
+
+def _size_outputs(
+    write: Equations,
+    candidates: Sequence[Candidate],
+    refined: Refined,
+    which: sp.Expr,
+    told: sp.Expr,
+    age: sp.Expr,
+    period: sp.Expr,
+) -> dict[Signal, sp.Expr]:
+    """Return the size of the named change, its rate, and for how long."""
+    pairs = [(sp.Float(c.scale), which < j + 1.5) for j, c in enumerate(candidates)]
     size = write.define("scale", sp.Piecewise(*pairs, (sp.S.One, True), evaluate=False))
     text = "change of the named candidate's coefficient, or unknown acceleration, in its SI unit"
-    output(Signal("change", "1", text), refined.theta * size)
-    output(
-        Signal("change_std", "1", "standard deviation of the change"),
-        sp.sqrt(sp.Max(0, refined.variance)) * sp.Abs(size),
-    )
-    output(Signal("rate", "1/s", "of the change, with its rate_std"), refined.rate * size / period)
-    output(
-        Signal("rate_std", "1/s", "standard deviation of the rate"),
-        sp.sqrt(sp.Max(0, refined.rate_variance)) * sp.Abs(size) / period,
-    )
-    output(Signal("ended", "1", "1 if the named change has ended"), chosen(told, refined.ended, sp.S.Zero))
-    output(Signal("since", "s", "time since the estimated onset"), chosen(told, age * period, 0 * period))
-    output(
-        Signal("held", "s", "time for which the amplitude has held"),
-        chosen(told, refined.age * period, 0 * period),
-    )
-    least = write.define("least", least_evidence(best))
-    for c, g in zip(candidates, largest, strict=True):
-        output(Signal(f"evidence_{c.name}", "1", f"largest g of {c.name}"), g)
-    open_ = [sp.And(told, sp.Not(lost), g >= least) for g in in_play]
-    for c, possible in zip(candidates, open_, strict=True):
-        output(
-            Signal(f"possible_{c.name}", "1", f"1 if an alarm may be due to {c.name}"),
-            chosen(possible, sp.S.One, sp.S.Zero),
+    std, rate_std = (sp.sqrt(sp.Max(0, v)) * sp.Abs(size) for v in (refined.variance, refined.rate_variance))
+    return {
+        Signal("change", "1", text): refined.theta * size,
+        Signal("change_std", "1", "standard deviation of the change"): std,
+        Signal("rate", "1/s", "of the change, with its rate_std"): refined.rate * size / period,
+        Signal("rate_std", "1/s", "standard deviation of the rate"): rate_std / period,
+        Signal("ended", "1", "1 if the named change has ended"): chosen(told, refined.ended, sp.S.Zero),
+        Signal("since", "s", "time since the estimated onset"): chosen(told, age * period, 0 * period),
+        Signal("held", "s", "time for which the amplitude has held"): (
+            chosen(told, refined.age * period, 0 * period)
+        ),
+    }
+
+
+def _outputs_of_each(
+    candidates: Sequence[Candidate],
+    largest: Sequence[sp.Expr],
+    in_play: Sequence[sp.Expr],
+    least: sp.Expr,
+    told: sp.Expr,
+    unknown: Signal,
+) -> dict[Signal, sp.Expr]:
+    """Return the evidence of each candidate, and whether it is possible."""
+    names = [c.name for c in candidates]
+    evidence = {
+        Signal(f"evidence_{n}", "1", f"largest g of {n}"): g for n, g in zip(names, largest, strict=True)
+    }
+    possible = {
+        Signal(f"possible_{n}", "1", f"1 if an alarm may be due to {n}"): (
+            chosen(sp.And(told, unknown.symbol < sp.S.Half, g >= least), sp.S.One, sp.S.Zero)
         )
-    for s, d in zip(channels, dead, strict=True):
-        output(Signal(f"dead_{s.name}", "1", f"1 while no new sample of {s.name} comes"), d)
-    for e, name in enumerate(equations):
-        found = sp.And(told, sp.Abs(unknown.symbol - (e + 1)) < sp.S.Half)
+        for n, g in zip(names, in_play, strict=True)
+    }
+    return evidence | possible
+
+
+def _unknown_outputs(equations: Sequence[str], unknown: Signal, told: sp.Expr) -> dict[Signal, sp.Expr]:
+    """Return for each equation whether the unknown acceleration is largest there."""
+    outputs = {}
+    for e, name in enumerate(equations, 1):
         text = f"1 if no candidate explains the change: an unknown acceleration in {name}'"
-        output(Signal(f"unknown_{name}", "1", text), chosen(found, sp.S.One, sp.S.Zero))
-    # a name that is refuted leaves the next likely one, or none
+        found = sp.And(told, sp.Abs(unknown.symbol - e) < sp.S.Half)
+        outputs[Signal(f"unknown_{name}", "1", text)] = chosen(found, sp.S.One, sp.S.Zero)
+    return outputs
+
+
+def _refutations(
+    refined: Refined,
+    unknown: Signal,
+    refuted: Sequence[Signal],
+    in_play: Sequence[sp.Expr],
+    which: sp.Expr,
+    least: sp.Expr,
+) -> dict[str, sp.Expr]:
+    """Return the next values of what is refuted: it leaves the next likely candidate, or none."""
     refutes = refined.probes.refuted > sp.S.Half
-    following = {}
-    others = []
+    following, others = {}, []
     for j, (s, g) in enumerate(zip(refuted, in_play, strict=True)):
         mine = sp.And(refutes, sp.Abs(which - (j + 1)) < sp.S.Half)
         following[s.name] = chosen(mine, sp.S.One, s.symbol)
         others.append(sp.And(g >= least, sp.Not(mine)))
     gone = sp.And(refutes, sp.Not(sp.Or(*others)))
     following[unknown.name] = chosen(gone, refined.probes.equation, unknown.symbol)
-    return Decision(tuple(outputs), values, alarm, refined, (unknown, *refuted), following)
+    return following

@@ -115,81 +115,36 @@ def write_probes(
     error : float
         Probability that a right name is refuted.
     """
-    states: list[Signal] = []
-    following: dict[str, sp.Expr] = {}
-
-    def state(name: str, unit: str, text: str) -> sp.Symbol:
-        states.append(Signal(name, unit, text))
-        return states[-1].symbol
-
-    ticks = state("segment_ticks", "1", "ticks of the segment")
-    count = state("segments", "1", "segments since the estimate began")
-    # of 1, 1, 2, 4, 4, ... times the ticks: longer ones tell more, shorter ones sooner
-    length = sp.Piecewise((1, count < 1.5), (2, count < 2.5), (4, True), evaluate=False)
-    ends = write.define("segment_ends", chosen(ticks > segment * length - 1.5, sp.S.One, sp.S.Zero))
-    following["segment_ticks"] = chosen(sp.Max(ends, begins) > sp.S.Half, sp.S.Zero, ticks + 1)
-    done = write.define("segments_done", count + ends)
-    over = sp.Or(ends > sp.S.Half, begins > sp.S.Half)
-    anew = sp.Or(begins > sp.S.Half, sp.Symbol("renewed", real=True) > sp.S.Half)
-    following["segments"] = chosen(anew, sp.S.Zero, done)
-    last = len(pushes) - 1
-    every, columns = [], []
+    sums = _Sums(write, begins, segment)
+    last, every, columns = len(pushes) - 1, [], []
     for p, push in enumerate(pushes):
-        c = sp.Matrix([state(f"probe[{p},{i}]", s.unit, f"error of {s.name}") for i, s in enumerate(plant)])
+        c = sums.column(p, plant, M, push)
         seen = C * c + sp.Matrix(list(jolt)) if p == last else C * c
         every.append([write.define(f"probe_eta[{p},{i}]", e) for i, e in enumerate(seen)])
-        columns.append(write.matrix(f"probe_next_{p}", M * c + push))
-        following |= {f"probe[{p},{i}]": chosen(over, sp.S.Zero, columns[p][i]) for i in range(len(plant))}
-
-    def summed(name: str, text: str, terms: Sequence[sp.Expr]) -> sp.Expr:
-        now = write.define(f"now_{name}", state(name, "1", text) + sum(terms))
-        following[name] = chosen(over, sp.S.Zero, now)
-        return now
-
-    def total(name: str, said: sp.Expr, counts: sp.Expr) -> tuple[sp.Expr, sp.Expr]:
-        """Write a sum over segments, and their number; both since it was last below its mean."""
-        U = write.define(f"now_U_{name}", state(f"U_{name}", "1", "sum over segments") + ends * said)
-        K = write.define(f"now_K_{name}", state(f"K_{name}", "1", "segments of the sum") + ends * counts)
-        below = sp.Or(anew, U <= K)
-        following[f"U_{name}"], following[f"K_{name}"] = (chosen(below, sp.S.Zero, v) for v in (U, K))
-        return U, K
-
-    b = [summed(f"probe_b[{p}]", "score", [e * a for e, a in zip(row, away, strict=True)])
-         for p, row in enumerate(every)]  # fmt: skip
-    J = [summed(f"probe_J[{p}]", "information", [e**2 / S for e, S in zip(row, variances, strict=True)])
-         for p, row in enumerate(every)]  # fmt: skip
+        columns.append(sp.Matrix([sp.Symbol(f"probe_next_{p}[{i}]", real=True) for i in range(len(plant))]))
+    b = [
+        sums.segment(f"probe_b[{p}]", "score", [e * a for e, a in zip(row, away, strict=True)])
+        for p, row in enumerate(every)
+    ]
+    J = [
+        sums.segment(f"probe_J[{p}]", "information", [e**2 / S for e, S in zip(row, variances, strict=True)])
+        for p, row in enumerate(every)
+    ]
     own = sp.Max(J[last], 1e-300)
     limit = sp.Float(-ndtri(error / (LOOKS * len(pushes))))
-
-    def exceeds(U: sp.Expr, K: sp.Expr) -> sp.Expr:
-        K = sp.Max(K, 1)
-        return sp.cbrt(U / K) > 1 - 2 / (9 * K) + limit * sp.sqrt(2 / (9 * K))
-
     left, sizes = [], []
     for p in range(last):
         both = [e * a / S for e, a, S in zip(every[p], every[last], variances, strict=True)]
-        cross = summed(f"probe_cross[{p}]", "information on both", both)
+        cross = sums.segment(f"probe_cross[{p}]", "information on both", both)
         share = write.define(f"probe_share[{p}]", cross / own)
         kept = write.define(f"probe_kept[{p}]", J[p] - share * cross)
         tells = kept > ALIKE * sp.Max(J[p], 1e-300)
         said = chosen(tells, (b[p] - share * b[last]) ** 2 / sp.Max(kept, 1e-300), sp.S.Zero)
-        U, K = total(f"left[{p}]", said, chosen(tells, sp.S.One, sp.S.Zero))
-        left.append(exceeds(U, K))
-        sizes.append(total(f"whole[{p}]", b[p] ** 2 / sp.Max(J[p], 1e-300), sp.S.One)[0])
-    U, K = total("named", b[last] ** 2 / own, sp.S.One)
-    moved = write.define(
-        "moved_amplitude", chosen(sp.And(ends > sp.S.Half, exceeds(U, K)), sp.S.One, sp.S.Zero)
-    )
-    renewals = state("renewals", "1", "times that the amplitude did not hold")
-    young = sp.And(moved > sp.S.Half, done < LOOKS + sp.S.Half, renewals > MOST - sp.S.Half)
-    wrong = sp.And(
-        sp.Integer(last) > 0, unknown < sp.S.Half, ends > sp.S.Half, begins < sp.S.Half, sp.Or(*left, young)
-    )
-    refuted = write.define("refuted", chosen(wrong, sp.S.One, sp.S.Zero))
-    following["renewals"] = chosen(begins > sp.S.Half, sp.S.Zero, renewals + moved)
-    old = sp.And(ends > sp.S.Half, steady < sp.S.Half, done > LOOKS - sp.S.Half)
-    again = sp.And(begins < sp.S.Half, refuted < sp.S.Half, sp.Or(moved > sp.S.Half, old))
-    renewed = write.define("renewed", chosen(again, sp.S.One, sp.S.Zero))
+        left.append(_exceeds(limit, *sums.total(f"left[{p}]", said, chosen(tells, sp.S.One, sp.S.Zero))))
+        sizes.append(sums.total(f"whole[{p}]", b[p] ** 2 / sp.Max(J[p], 1e-300), sp.S.One)[0])
+    held = _exceeds(limit, *sums.total("named", b[last] ** 2 / own, sp.S.One))
+    moved = write.define("moved_amplitude", chosen(sp.And(sums.ends > sp.S.Half, held), sp.S.One, sp.S.Zero))
+    refuted, renewed = _judged(write, sums, moved, left, begins, unknown, steady)
     largest = sp.Max(*sizes, evaluate=False)
 
     def of_largest(values: Sequence[sp.Expr]) -> sp.Expr:
@@ -197,7 +152,93 @@ def write_probes(
         return sp.Piecewise(*pairs, (values[-1] if values else sp.S.Zero, True), evaluate=False)
 
     equation = of_largest([sp.Integer(p + 1) for p in range(last)])
-    told = state("refuting_information", "1", "on the unknown acceleration, of a segment")
-    following["refuting_information"] = chosen(refuted > sp.S.Half, of_largest(J[:last]), told)
+    told = sums.state("refuting_information", "1", "on the unknown acceleration, of a segment")
+    sums.following["refuting_information"] = chosen(refuted > sp.S.Half, of_largest(J[:last]), told)
     change = write.define("moved_by", b[last] / own)
-    return Probes(tuple(states), following, renewed, refuted, equation, told, change, own, columns[last])
+    return Probes(
+        tuple(sums.states), sums.following, renewed, refuted, equation, told, change, own, columns[last]
+    )
+
+
+class _Sums:
+    """Sums within a segment, and over segments.
+
+    Attributes
+    ----------
+    states : list of Signal
+    following : dict of str to sympy.Expr
+    ends, done : sympy.Expr
+        1 at the end of a segment, and the segments since the estimate began, this one included.
+    """
+
+    def __init__(self, write: Equations, begins: sp.Expr, segment: int) -> None:
+        self._write = write
+        self.states: list[Signal] = []
+        self.following: dict[str, sp.Expr] = {}
+        ticks = self.state("segment_ticks", "1", "ticks of the segment")
+        count = self.state("segments", "1", "segments since the estimate began")
+        # of 1, 1, 2, 4, 4, ... times the ticks: longer ones tell more, shorter ones sooner
+        length = sp.Piecewise((1, count < 1.5), (2, count < 2.5), (4, True), evaluate=False)
+        self.ends = write.define("segment_ends", chosen(ticks > segment * length - 1.5, sp.S.One, sp.S.Zero))
+        self.done = write.define("segments_done", count + self.ends)
+        self._over = sp.Or(self.ends > sp.S.Half, begins > sp.S.Half)
+        self._anew = sp.Or(begins > sp.S.Half, sp.Symbol("renewed", real=True) > sp.S.Half)
+        self.following["segment_ticks"] = chosen(self._over, sp.S.Zero, ticks + 1)
+        self.following["segments"] = chosen(self._anew, sp.S.Zero, self.done)
+
+    def state(self, name: str, unit: str, text: str) -> sp.Symbol:
+        self.states.append(Signal(name, unit, text))
+        return self.states[-1].symbol
+
+    def column(self, p: int, plant: Sequence[Signal], M: sp.Matrix, push: sp.Matrix) -> sp.Matrix:
+        """Write the column of a probe since the segment began."""
+        c = sp.Matrix(
+            [self.state(f"probe[{p},{i}]", s.unit, f"error of {s.name}") for i, s in enumerate(plant)]
+        )
+        then = self._write.matrix(f"probe_next_{p}", M * c + push)
+        for i, e in enumerate(then):
+            self.following[f"probe[{p},{i}]"] = chosen(self._over, sp.S.Zero, e)
+        return c
+
+    def segment(self, name: str, text: str, terms: Sequence[sp.Expr]) -> sp.Expr:
+        """Write a sum within the segment."""
+        now = self._write.define(f"now_{name}", self.state(name, "1", text) + sum(terms))
+        self.following[name] = chosen(self._over, sp.S.Zero, now)
+        return now
+
+    def total(self, name: str, said: sp.Expr, counts: sp.Expr) -> tuple[sp.Expr, sp.Expr]:
+        """Write a sum over segments, and their number; both since it was last below its mean."""
+        sums = []
+        for key, text, what in (("U", "sum over segments", said), ("K", "segments of the sum", counts)):
+            before = self.state(f"{key}_{name}", "1", text)
+            sums.append(self._write.define(f"now_{key}_{name}", before + self.ends * what))
+        below = sp.Or(self._anew, sums[0] <= sums[1])
+        for key, now in zip("UK", sums, strict=True):
+            self.following[f"{key}_{name}"] = chosen(below, sp.S.Zero, now)
+        return sums[0], sums[1]
+
+
+def _exceeds(limit: sp.Expr, U: sp.Expr, K: sp.Expr) -> sp.Expr:
+    K = sp.Max(K, 1)
+    return sp.cbrt(U / K) > 1 - 2 / (9 * K) + limit * sp.sqrt(2 / (9 * K))
+
+
+def _judged(
+    write: Equations,
+    sums: _Sums,
+    moved: sp.Expr,
+    left: Sequence[sp.Expr],
+    begins: sp.Expr,
+    unknown: sp.Expr,
+    steady: sp.Expr,
+) -> tuple[sp.Expr, sp.Expr]:
+    """Write whether the name is refuted, and whether the estimate begins anew."""
+    begun, ends = begins < sp.S.Half, sums.ends > sp.S.Half
+    renewals = sums.state("renewals", "1", "times that the amplitude did not hold")
+    young = sp.And(moved > sp.S.Half, sums.done < LOOKS + sp.S.Half, renewals > MOST - sp.S.Half)
+    wrong = sp.And(sp.Integer(len(left)) > 0, unknown < sp.S.Half, ends, begun, sp.Or(*left, young))
+    refuted = write.define("refuted", chosen(wrong, sp.S.One, sp.S.Zero))
+    sums.following["renewals"] = chosen(begun, renewals + moved, sp.S.Zero)
+    old = sp.And(ends, steady < sp.S.Half, sums.done > LOOKS - sp.S.Half)
+    again = sp.And(begun, refuted < sp.S.Half, sp.Or(moved > sp.S.Half, old))
+    return refuted, write.define("renewed", chosen(again, sp.S.One, sp.S.Zero))

@@ -171,180 +171,235 @@ def refine(
     segment : int
         Ticks of a segment of the probes.
     """
-    n, J, E = len(plant), len(bank.pushes), len(accelerations)
-    own: list[Signal] = []
-    following: dict[str, sp.Expr] = {}
+    it = _Estimate(write, bank, plant, which, told, len(accelerations))
+    it.choose(sized, accelerations)
+    it.update()
+    it.size(start, limits)
+    it.predict(moves, turns)
+    unknown = chosen(which > len(bank.pushes) + sp.S.Half, sp.S.One, sp.S.Zero)
+    begins = write.define("estimate_begins", chosen(told < sp.S.Half, sp.S.One, it.anew))
+    probes = write_probes(
+        write, plant, [*accelerations, it.push], it.jolt, bank.C, it.M, it.away, it.variances, begins,
+        unknown, it.steady, segment, ERROR,
+    )  # fmt: skip
+    it.begin(start, probes, after, segment)
+    it.remember()
+    return it.result(probes)
 
-    def state(name: str, unit: str, text: str, start: float = 0.0) -> sp.Symbol:
-        own.append(Signal(name, unit, text, start=start))
-        return own[-1].symbol
 
-    named = state("named", "1", "number of the named change; 0 before an alarm")
-    units = [*(s.unit for s in plant), "1", "1"]
-    z = [state(f"z[{i}]", u, "error at the alarm, amplitude, rate") for i, u in enumerate(units)]
-    V = {
-        (i, k): state(f"V[{i},{k}]", f"({units[i]})*({units[k]})", f"covariance of z[{i}] and z[{k}]")
-        for i in range(n + 2)
-        for k in range(i, n + 2)
-    }
-    other = sp.Abs(which - named) > sp.S.Half
-    anew = write.define("anew", chosen(sp.And(told > sp.S.Half, other), sp.S.One, sp.S.Zero))
+class _Estimate:
+    """The equations of the estimate, written one part after the other.
 
-    def of_named(name: str, values: Sequence[sp.Expr]) -> sp.Expr:
+    Parameters
+    ----------
+    E : int
+        Number of equations with an arbitrary acceleration.
+    """
+
+    def __init__(
+        self,
+        write: Equations,
+        bank: Bank,
+        plant: Sequence[Signal],
+        which: sp.Expr,
+        told: sp.Expr,
+        E: int,
+    ) -> None:
+        self._write, self._bank, self._plant = write, bank, plant
+        self._which, self._told, self._E = which, told, E
+        self._own: list[Signal] = []
+        self._following: dict[str, sp.Expr] = {}
+        n = self._n = len(plant)
+        named = self._state("named", "1", "number of the named change; 0 before an alarm")
+        units = [*(s.unit for s in plant), "1", "1"]
+        z = [self._state(f"z[{i}]", u, "error at the alarm, amplitude, rate") for i, u in enumerate(units)]
+        V = {
+            (i, k): self._state(
+                f"V[{i},{k}]", f"({units[i]})*({units[k]})", f"covariance of z[{i}] and z[{k}]"
+            )
+            for i in range(n + 2)
+            for k in range(i, n + 2)
+        }
+        self._upper = list(V)
+        self.now, self.cov = sp.Matrix(z), sp.Matrix(n + 2, n + 2, lambda i, k: V[min(i, k), max(i, k)])
+        other = sp.Abs(which - named) > sp.S.Half
+        self.anew = write.define("anew", chosen(sp.And(told > sp.S.Half, other), sp.S.One, sp.S.Zero))
+        # columns since the estimate began: s of a constant change, s' of a growing one, o and Psi
+        self.s, self.grown, self.o = (
+            sp.Matrix(
+                [self._state(f"named_{key}[{i}]", p.unit, f"{text}, {p.name}") for i, p in enumerate(plant)]
+            )
+            for key, text in (
+                ("s", "error by the change"), ("ramp", "error by its growth"), ("o", "known error"),
+            )
+        )  # fmt: skip
+        self.Psi = sp.Matrix(
+            n, n,
+            lambda i, k: self._state(
+                f"named_Psi[{i},{k}]", f"({plant[i].unit})/({plant[k].unit})", "transition of the error",
+                float(i == k),
+            ),
+        )  # fmt: skip
+        self.age = self._state("named_age", "1", "ticks since the estimate began")
+
+    def _state(self, name: str, unit: str, text: str, start: float = 0.0) -> sp.Symbol:
+        self._own.append(Signal(name, unit, text, start=start))
+        return self._own[-1].symbol
+
+    def _of_named(self, name: str, values: Sequence[sp.Expr]) -> sp.Expr:
         if all(v == values[0] for v in values):
             return values[0]
-        pairs = [(v, which < j + 1.5) for j, v in enumerate(values[:-1])]
-        return write.define(name, sp.Piecewise(*pairs, (values[-1], True), evaluate=False))
+        pairs = [(v, self._which < j + 1.5) for j, v in enumerate(values[:-1])]
+        return self._write.define(name, sp.Piecewise(*pairs, (values[-1], True), evaluate=False))
 
-    def of_named_column(name: str, columns: Sequence[sp.Matrix]) -> sp.Matrix:
+    def _of_named_column(self, name: str, columns: Sequence[sp.Matrix]) -> sp.Matrix:
         rows = range(columns[0].rows)
-        return sp.Matrix([of_named(f"{name}[{i}]", [c[i] for c in columns]) for i in rows])
+        return sp.Matrix([self._of_named(f"{name}[{i}]", [c[i] for c in columns]) for i in rows])
 
-    # ---- columns since the estimate began: s of a constant change, s' of a growing one, o and Psi ----
-    zero = sp.zeros(n, 1)
-    s, grown, o = (
-        sp.Matrix([state(f"named_{key}[{i}]", p.unit, f"{text} of {p.name}") for i, p in enumerate(plant)])
-        for key, text in (("s", "error by the change"), ("ramp", "error by its growth"), ("o", "known error"))
-    )
-    Psi = sp.Matrix(
-        n, n,
-        lambda i, k: state(
-            f"named_Psi[{i},{k}]", f"({plant[i].unit})/({plant[k].unit})", "transition of the error",
-            float(i == k),
-        ),
-    )  # fmt: skip
-    age = state("named_age", "1", "ticks since the estimate began")
-    push = of_named_column(
-        "named_push", [*(sized[j].slope if j in sized else bank.pushes[j] for j in range(J)), *accelerations]
-    )
-    jolt = of_named_column("named_jolt", [*bank.jolts, *(0 * bank.jolts[0] for _ in range(E))])
-    left = of_named_column(
-        "named_left", [*(sized[j].left if j in sized else zero for j in range(J)), *[zero] * E]
-    )
-    phi = of_named("named_dispersion", [*bank.dispersion, *[sp.S.One] * E])
+    def choose(self, sized: Mapping[int, Sized], accelerations: Sequence[sp.Matrix]) -> None:
+        """Write what the named change does in the tick, and its dispersion."""
+        bank, J, zero = self._bank, range(len(self._bank.pushes)), sp.zeros(self._n, 1)
+        pushes = [sized[j].slope if j in sized else bank.pushes[j] for j in J]
+        self.push = self._of_named_column("named_push", [*pushes, *accelerations])
+        none = [0 * bank.jolts[0]] * self._E
+        self.jolt = self._of_named_column("named_jolt", [*bank.jolts, *none])
+        lefts = [sized[j].left if j in sized else zero for j in J]
+        self.left = self._of_named_column("named_left", [*lefts, *[zero] * self._E])
+        self.phi = self._of_named("named_dispersion", [*bank.dispersion, *[sp.S.One] * self._E])
 
-    # ---- recursive least squares ---------------------------------------------------------------------
-    now, cov = sp.Matrix(z), sp.Matrix(n + 2, n + 2, lambda i, k: V[min(i, k), max(i, k)])
-    rows, known = write.matrix("refined_rows", bank.C * Psi), write.matrix("known", bank.C * o)
-    constant, growing = bank.C * s + jolt, bank.C * grown + age * jolt
-    away, variances = [], []
-    for i, seen in enumerate(bank.whitened):
-        eta = write.define(f"named_eta[{i}]", constant[i])
-        row = sp.Matrix([[*rows[i, :], eta, write.define(f"named_ramp_eta[{i}]", growing[i])]])
-        Vr = write.matrix(f"refined_{i}_Vr", cov * row.T)
-        S = write.define(f"refined_{i}_S", phi + (row * Vr)[0])
-        off = write.define(f"refined_{i}_away", (seen - known[i] - (row * now)[0]) / S)
-        away.append(off)
-        variances.append(S)
-        now = write.matrix(f"refined_{i}_z", now + Vr * off)
-        entries = {(a, b): cov[a, b] - Vr[a] * Vr[b] / S for a, b in V}
-        cov = write.symmetric(f"refined_{i}_V", n + 2, entries)
+    def update(self) -> None:
+        """Write the recursive least squares of this tick's measurements."""
+        write, C, n = self._write, self._bank.C, self._n
+        rows, known = write.matrix("refined_rows", C * self.Psi), write.matrix("known", C * self.o)
+        constant, growing = C * self.s + self.jolt, C * self.grown + self.age * self.jolt
+        self.away: list[sp.Expr] = []
+        self.variances: list[sp.Expr] = []
+        for i, seen in enumerate(self._bank.whitened):
+            eta = write.define(f"named_eta[{i}]", constant[i])
+            row = sp.Matrix([[*rows[i, :], eta, write.define(f"named_ramp_eta[{i}]", growing[i])]])
+            Vr = write.matrix(f"refined_{i}_Vr", self.cov * row.T)
+            S = write.define(f"refined_{i}_S", self.phi + (row * Vr)[0])
+            off = write.define(f"refined_{i}_away", (seen - known[i] - (row * self.now)[0]) / S)
+            self.away.append(off)
+            self.variances.append(S)
+            self.now = write.matrix(f"refined_{i}_z", self.now + Vr * off)
+            entries = {(a, b): self.cov[a, b] - Vr[a] * Vr[b] / S for a, b in self._upper}
+            self.cov = write.symmetric(f"refined_{i}_V", n + 2, entries)
 
-    # ---- given a constant amplitude, unless the rate is significant -----------------------------------
-    r, spread = n + 1, sp.Max(cov[n + 1, n + 1], 1e-300)
-    steady = write.define("steady", chosen(now[r] ** 2 > DECIDES * spread, sp.S.Zero, sp.S.One))
-    share = [write.define(f"rate_share[{i}]", steady * cov[i, r] / spread) for i in range(n + 1)]
-    part = write.matrix(
-        "given", sp.Matrix([*(now[i] - share[i] * now[r] for i in range(n + 1)), (1 - steady) * now[r]])
-    )
-    rate = part[r]
-    grows = cov[n, n] + (1 - steady) * (2 * age * cov[n, r] + age**2 * cov[r, r]) - share[n] * cov[n, r]
+    def size(self, start: Start, limits: Sequence[tuple[sp.Expr, sp.Expr]]) -> None:
+        """Write the amplitude, of a constant change unless the rate is significant, and its variance."""
+        write, n, now, cov, age = self._write, self._n, self.now, self.cov, self.age
+        r, spread = n + 1, sp.Max(self.cov[n + 1, n + 1], 1e-300)
+        self.steady = write.define("steady", chosen(now[r] ** 2 > DECIDES * spread, sp.S.Zero, sp.S.One))
+        share = [write.define(f"rate_share[{i}]", self.steady * cov[i, r] / spread) for i in range(n + 1)]
+        given = [*(now[i] - share[i] * now[r] for i in range(n + 1)), (1 - self.steady) * now[r]]
+        part = self.part = write.matrix("given", sp.Matrix(given))
+        grows = (1 - self.steady) * (2 * age * cov[n, r] + age**2 * cov[r, r])
+        held = cov[n, n] + grows - share[n] * cov[n, r]
+        bounds = [
+            self._of_named(
+                f"named_{k}", [*(_finite(b[k]) for b in limits), *[sp.Float(sign * FAR)] * self._E]
+            )
+            for k, sign in ((0, -1), (1, 1))
+        ]
+        self.first = write.define("theta_first", within(start.first, *bounds))
+        beginning = self.anew > sp.S.Half
+        self.amplitude = write.define("amplitude", chosen(beginning, self.first, part[n] + age * part[r]))
+        self.theta = write.define("theta", within(self.amplitude, *bounds))
+        over = start.energy / self.phi - self.first**2 * start.info - start.dof
+        unexplained = sp.Max(0, over) + 2 * sp.sqrt(2 * start.dof)
+        self.wide = write.define("first_variance", sp.Min(self.first**2, (1 + unexplained) / start.info))
+        self.variance = write.define("theta_variance", chosen(beginning, self.wide, sp.Max(held, 0)))
 
-    bounds = [of_named(f"named_{k}", [*(_finite(b[k]) for b in limits), *[sp.Float(sign * FAR)] * E])
-              for k, sign in ((0, -1), (1, 1))]  # fmt: skip
-    first = write.define("theta_first", within(start.first, *bounds))
-    beginning = anew > sp.S.Half
-    amplitude = write.define("amplitude", chosen(beginning, first, part[n] + age * rate))
-    theta = write.define("theta", within(amplitude, *bounds))
-    unexplained = sp.Max(0, start.energy / phi - first**2 * start.info - start.dof) + 2 * sp.sqrt(
-        2 * start.dof
-    )
-    wide = write.define("first_variance", sp.Min(first**2, (1 + unexplained) / start.info))
-    variance = write.define("theta_variance", chosen(beginning, wide, sp.Max(grows, 0)))
-    # d = Psi d0 + theta s + theta' s' + o since the estimate began, before this tick's measurements
-    moved = write.matrix("named_error", Psi * part[:n, :] + part[n] * s + rate * grown + o)
+    def predict(self, moves: sp.Matrix, turns: Sequence[sp.Matrix]) -> None:
+        """Write the slopes a tick later, at this estimate, and the error d that they leave to o."""
+        write, bank, part, n = self._write, self._bank, self.part, self._n
+        g_x = sp.zeros(n, n)
+        for i, k in sorted({(i, k) for turn in turns for i in range(n) for k in range(n) if turn[i, k] != 0}):
+            slopes = [*(t[i, k] for t in turns), *[sp.S.Zero] * self._E]
+            g_x[i, k] = self.amplitude * self._of_named(f"turn[{i},{k}]", slopes)
+        # d = Psi d0 + theta s + theta' s' + o, before this tick's measurements
+        before = self.Psi * part[:n, :] + part[n] * self.s + part[n + 1] * self.grown + self.o
+        self.moved = write.matrix("named_error", before)
+        self.M = write.matrix("named_M", bank.M + g_x * bank.A)
+        self.Psi_next = write.matrix("named_Psi_next", self.M * self.Psi)
+        s_next = write.matrix("named_s_next", self.M * self.s + self.push)
+        ramp_next = write.matrix("named_ramp_next", self.M * self.grown + self.age * self.push)
+        amplitude = part[n] + self.age * part[n + 1]
+        self.error_next = write.matrix("named_error_next", moves + amplitude * self.push + self.left)
+        explained = self.Psi_next * part[:n, :] + part[n] * s_next + part[n + 1] * ramp_next
+        self.then = {"named_s": s_next, "named_ramp": ramp_next, "named_o": self.error_next - explained}
 
-    # ---- one tick later: slopes at this estimate, and what they leave ----------------------------------
-    turned = {(i, k) for turn in turns for i in range(n) for k in range(n) if turn[i, k] != 0}
-    g_x = sp.zeros(n, n)
-    for i, k in sorted(turned):
-        g_x[i, k] = amplitude * of_named(f"turn[{i},{k}]", [*(t[i, k] for t in turns), *[sp.S.Zero] * E])
-    M = write.matrix("named_M", bank.M + g_x * bank.A)
-    Psi_next = write.matrix("named_Psi_next", M * Psi)
-    s_next = write.matrix("named_s_next", M * s + push)
-    ramp_next = write.matrix("named_ramp_next", M * grown + age * push)
-    error_next = write.matrix("named_error_next", moves + (part[n] + age * rate) * push + left)
-    slopes = Psi_next * part[:n, :] + part[n] * s_next + rate * ramp_next
-    then = {"named_s": s_next, "named_ramp": ramp_next, "named_o": error_next - slopes}
+    def begin(self, start: Start, probes: Probes, after: sp.Matrix, segment: int) -> None:
+        """Write the next estimate: this one, or where it begins anew."""
+        write, n, r = self._write, self._n, self._n + 1
+        self.renews = probes.renewed > sp.S.Half
+        begin = write.define("begin_estimate", sp.Max(self.anew, probes.renewed))
+        self.begins = begin > sp.S.Half
+        unknown = self._which > len(self._bank.pushes) + sp.S.Half
+        lost = sp.And(unknown, self.anew > sp.S.Half)  # begins at the error that the refuted change left
 
-    # ---- does it hold? ---------------------------------------------------------------------------------
-    unknown = chosen(which > J + sp.S.Half, sp.S.One, sp.S.Zero)
-    begins = write.define("estimate_begins", chosen(told < sp.S.Half, sp.S.One, anew))
-    probes = write_probes(
-        write, plant, [*accelerations, push], jolt, bank.C, M, away, variances, begins, unknown, steady,
-        segment, ERROR,
-    )  # fmt: skip
-    again = probes.renewed
-    begin = write.define("begin_estimate", sp.Max(anew, again))
-    columns_begin = sp.Or(begin > sp.S.Half, told < sp.S.Half)
+        def of_start(name: str, renewed: sp.Expr, arbitrary: sp.Expr, named: sp.Expr) -> sp.Expr:
+            return write.define(name, chosen(self.renews, renewed, chosen(lost, arbitrary, named)))
 
-    # ---- next values -----------------------------------------------------------------------------------
-    def begun(value: sp.Expr, start: sp.Expr) -> sp.Expr:
-        return chosen(begin > sp.S.Half, start, value)
+        explained = _explained(write, self._bank, n, self._of_named, self._E)
+        along = [*(chosen(self.renews, probes.column[i], explained[i]) for i in range(n)), sp.S.One]
+        along = [write.define(f"along[{i}]", e) for i, e in enumerate(along)]
+        size = of_start("step_size", probes.change, sp.S.Zero, self.first)
+        shown = probes.change**2 * probes.information
+        proof = of_start("step_evidence", shown, start.evidence, start.evidence)
+        arbitrary = start.evidence / sp.Max(probes.refuting, 1e-300)
+        wide = of_start("step_variance", probes.change**2 + 1 / probes.information, arbitrary, self.wide)
+        keeps = write.define("keeps_error", chosen(sp.Or(self.renews, lost), sp.S.One, sp.S.Zero))
+        base = [write.define(f"base[{i}]", keeps * e) for i, e in enumerate(self.error_next)]
+        here = write.define("theta_from", probes.renewed * self.theta)
+        values = [*(base[i] + size * along[i] for i in range(n)), here + size, sp.S.Zero]
+        for i, value in enumerate(values):
+            self._following[f"z[{i}]"] = chosen(self.begins, value, self.now[i])
+        fastest = wide / sp.Integer(segment) ** 2  # it may grow by its standard deviation in a segment
+        for i, k in self._upper:
+            value = wide * along[i] * along[k] if k <= n else fastest if i == r else sp.S.Zero
+            value += proof * self.phi * after[i, k] if k < n else 0
+            self._following[f"V[{i},{k}]"] = chosen(self.begins, value, self.cov[i, k])
 
-    following["named"] = write.define("named_next", chosen(told > sp.S.Half, which, sp.S.Zero))
-    explained = _explained(write, bank, n, of_named, E)
-    renews = again > sp.S.Half
-    lost = sp.And(which > J + sp.S.Half, anew > sp.S.Half)  # begins at the error that the refuted change left
-    along = [*(chosen(renews, probes.column[i], explained[i]) for i in range(n)), sp.S.One]
-    along = [write.define(f"along[{i}]", e) for i, e in enumerate(along)]
-    size = write.define("step_size", chosen(renews, probes.change, chosen(lost, sp.S.Zero, first)))
-    keeps = write.define("keeps_error", chosen(sp.Or(renews, lost), sp.S.One, sp.S.Zero))
-    base = [write.define(f"base[{i}]", keeps * e) for i, e in enumerate(error_next)]
-    proof = write.define(
-        "step_evidence", chosen(renews, probes.change**2 * probes.information, start.evidence)
-    )
-    renewing = probes.change**2 + 1 / probes.information
-    arbitrary = start.evidence / sp.Max(probes.refuting, 1e-300)
-    widened = write.define("step_variance", chosen(renews, renewing, chosen(lost, arbitrary, wide)))
-    here = write.define("theta_from", again * theta)
-    for i in range(n):
-        following[f"z[{i}]"] = begun(now[i], base[i] + size * along[i])
-    following[f"z[{n}]"] = begun(now[n], here + size)
-    following[f"z[{r}]"] = begun(now[r], sp.S.Zero)
-    fastest = widened / sp.Integer(segment) ** 2  # it may grow by its standard deviation in a segment
-    for (i, k), _ in V.items():
-        value = widened * along[i] * along[k] if k <= n else fastest if i == r else sp.S.Zero
-        value += proof * phi * after[i, k] if k < n else 0
-        following[f"V[{i},{k}]"] = begun(cov[i, k], value)
-    for key, column in then.items():
-        following |= {f"{key}[{i}]": chosen(columns_begin, sp.S.Zero, column[i]) for i in range(n)}
-    following |= {
-        f"named_Psi[{i},{k}]": chosen(columns_begin, sp.eye(n)[i, k], Psi_next[i, k])
-        for i in range(n)
-        for k in range(n)
-    }
-    following["named_age"] = chosen(columns_begin, sp.S.Zero, age + 1)
-    peak = state("peak", "1", "largest amplitude that was significant")
-    higher = sp.And(theta**2 > peak**2, theta**2 > DECIDES * variance, steady > sp.S.Half)
-    following["peak"] = chosen(beginning, sp.S.Zero, chosen(higher, theta, peak))
-    state("named_theta", "1", "amplitude")
-    state("named_variance", "1", "variance of the amplitude")
-    following |= {"named_theta": amplitude, "named_variance": variance}
-    none, same = theta**2, (theta - peak) ** 2
-    ended = sp.And(same - none > DECIDES * variance, none < DECIDES * variance)
-    return Refined(
-        (*own, *probes.states),
-        following | probes.next_values,
-        theta,
-        variance,
-        now[r],
-        cov[r, r],
-        chosen(ended, sp.S.One, sp.S.Zero),
-        age,
-        bank.A * moved,
-        probes,
-    )
+    def remember(self) -> None:
+        """Write the other next values: columns, age, and the amplitude for what asks for it."""
+        write, n, following = self._write, self._n, self._following
+        anew = sp.Or(self.begins, self._told < sp.S.Half)
+        for key, column in self.then.items():
+            following.update({f"{key}[{i}]": chosen(anew, sp.S.Zero, column[i]) for i in range(n)})
+        for i in range(n):
+            for k in range(n):
+                following[f"named_Psi[{i},{k}]"] = chosen(anew, sp.eye(n)[i, k], self.Psi_next[i, k])
+        following["named_age"] = chosen(anew, sp.S.Zero, self.age + 1)
+        following["named"] = write.define(
+            "named_next", chosen(self._told > sp.S.Half, self._which, sp.S.Zero)
+        )
+        self.peak = self._state("peak", "1", "largest amplitude that was significant")
+        squared, least = self.theta**2, DECIDES * self.variance
+        higher = sp.And(squared > self.peak**2, squared > least, self.steady > sp.S.Half)
+        kept = chosen(higher, self.theta, self.peak)
+        following["peak"] = chosen(self.anew > sp.S.Half, sp.S.Zero, kept)
+        self._state("named_theta", "1", "amplitude")
+        self._state("named_variance", "1", "variance of the amplitude")
+        following["named_theta"], following["named_variance"] = self.amplitude, self.variance
+
+    def result(self, probes: Probes) -> Refined:
+        """Return the estimate."""
+        none, same, r = self.theta**2, (self.theta - self.peak) ** 2, self._n + 1
+        ended = sp.And(same - none > DECIDES * self.variance, none < DECIDES * self.variance)
+        return Refined(
+            (*self._own, *probes.states),
+            self._following | probes.next_values,
+            self.theta,
+            self.variance,
+            self.now[r],
+            self.cov[r, r],
+            chosen(ended, sp.S.One, sp.S.Zero),
+            self.age,
+            self._bank.A * self.moved,
+            probes,
+        )
 
 
 def _explained(
