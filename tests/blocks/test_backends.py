@@ -58,11 +58,11 @@ def test_the_packages_own_backends_by_name(stranger, decay):
         (
             "row",
             "Block.to: unknown backend 'row'; did you mean 'rows'? "
-            "known: casadi, compiled, control, fmu, gone, gym, jax, number, numpy, rows",
+            "known: c, casadi, compiled, control, fmu, gone, gym, jax, number, numpy, rows",
         ),
         (
             "zzz",
-            "unknown backend 'zzz'; known: casadi, compiled, control, fmu, gone, gym, jax, number, numpy",
+            "unknown backend 'zzz'; known: c, casadi, compiled, control, fmu, gone, gym, jax, number, numpy",
         ),
         ("gone", "'gone' .* cannot be loaded: No module named 'stranger_that_is_not_installed'"),
         ("number", "'number' .stranger_backend:number. is not a function"),
