@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 unexport PYTHONDONTWRITEBYTECODE  # the tests start many processes: compile each file once
 
-.PHONY: demo test test-slow test-all coverage mutations oldest newest check wheel fuzz benchmarks findings docs site pages notebooks pictures clean
+.PHONY: demo test test-slow test-all coverage mutations oldest newest check wheel fuzz benchmarks findings docs site pages notebooks pictures interop clean
 .DELETE_ON_ERROR:
 
 demo: .venv/ready  ## the paper's Table I, coefficients from the sample log, what K06's model lacked
@@ -61,6 +61,9 @@ benchmarks: .venv/tests  ## every figure in the README, measured on this machine
 findings:  ## surprises about other people's tools (findings/README.md), each in a fresh environment; needs the network
 	@changed=0; for script in findings/*.sh; do \
 	  echo "$$script"; sh $$script || { echo "its behaviour has changed: $$script"; changed=1; }; done; exit $$changed
+
+interop: .venv/ready  ## our FMUs in other importers, theirs here; environments in ~/.cache/hovercontrol-interop; needs the network
+	$(BIN)/python -m benchmarks.interop
 
 docs: .venv/docs  ## the site, warnings are errors: out/site/index.html; parts whose sources have not changed are kept
 	@begin=$$(date +%s); PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/sphinx-build -W --keep-going -q -j auto -d out/doctrees docs out/site \

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import hovercontrol
 from benchmarks import (
+    adversary,
     autopilot,
     cluster,
     cockpit,
@@ -51,6 +52,7 @@ from benchmarks import (
 )
 
 ALL = {
+    "adversary": adversary,
     "tables": tables,
     "fused": fused,
     "compiled": compiled,

@@ -285,7 +285,7 @@ class Backends:
         rtol: float = 1e-6,
         atol: float = 1e-9,
         model_name: str = "",
-        arrays: bool = True,
+        arrays: bool = False,
         progress: Callable[[float], None] | None = None,
     ) -> Path:
         """Write the Block as an FMU, Model Exchange and Co-Simulation in one file.

@@ -1,4 +1,4 @@
-"""Vectors and matrices of a Block are array variables in FMI 3, scalars in FMI 2."""
+"""Vectors and matrices of a Block are array variables in FMI 3 if asked for, scalars otherwise."""
 
 import ctypes
 
@@ -69,7 +69,7 @@ def exact(t):
 
 @pytest.fixture(scope="module")
 def fmu(tmp_path_factory):
-    return matrix_block().to_fmu(tmp_path_factory.mktemp("arrays") / "matrix.fmu", rtol=1e-10)
+    return matrix_block().to_fmu(tmp_path_factory.mktemp("arrays") / "matrix.fmu", rtol=1e-10, arrays=True)
 
 
 def shapes(path):
@@ -92,7 +92,7 @@ def test_arrays_have_dimensions_and_fmi_2_has_scalars(fmu, tmp_path):
     }
     two = shapes(matrix_block().to_fmu(tmp_path / "two.fmu", version=2))
     assert len(two) == 1 + 6 + 6 + 2 + 8 + 2 + 1 and "X[1,2]" in two
-    assert set(shapes(matrix_block().to_fmu(tmp_path / "flat.fmu", arrays=False))) == set(two)
+    assert set(shapes(matrix_block().to_fmu(tmp_path / "flat.fmu"))) == set(two)
 
 
 @pytest.mark.parametrize("kind", ["ModelExchange", "CoSimulation"])
@@ -116,7 +116,7 @@ def test_fmpy_validates_and_simulates_arrays(fmu, kind):
 
 def test_the_loop_of_table_one_has_a_vector_of_its_covariance(tmp_path):
     """237 scalars and time; 66 entries of the covariance's upper triangle, and their derivatives."""
-    interface, file = Interface(BLOCKS["loop"]), tmp_path / "modelDescription.xml"
+    interface, file = Interface(BLOCKS["loop"], arrays=True), tmp_path / "modelDescription.xml"
     counts = {}
     for version in (2, 3):
         file.write_bytes(
@@ -217,4 +217,5 @@ def test_an_index_alone_and_a_name_that_is_taken_stay_scalars(tmp_path):
     block = hc.Block(
         "b", inputs=(p, q, r, one, two, name), outputs=(hc.Signal("y"),), output_expressions={"y": p.symbol}
     )
-    assert set(shapes(block.to_fmu(tmp_path / "b.fmu"))) >= {"P[1]", "Q[1]", "Q[2]", "R[1]", "R[2]", "R"}
+    path = block.to_fmu(tmp_path / "b.fmu", arrays=True)
+    assert set(shapes(path)) >= {"P[1]", "Q[1]", "Q[2]", "R[1]", "R[2]", "R"}

@@ -101,7 +101,7 @@ def test_of_fmi_3_it_is_ssp_2_with_units_arrays_and_outputs_that_are_asked_for(t
     xs = [hc.Signal(f"x[{i}]", "m") for i in range(2)]
     us = [hc.Signal(f"u[{i}]", "m/s") for i in range(2)]
     rates = {x.name: u.symbol for x, u in zip(xs, us, strict=True)}
-    vector = hc.Block("vector", xs, us, xs, derivatives=rates).to_fmu(tmp_path / "vector.fmu")
+    vector = hc.Block("vector", xs, us, xs, derivatives=rates).to_fmu(tmp_path / "vector.fmu", arrays=True)
     path = export_ssp([vector], tmp_path / "loop.ssp", outputs=["x"])
     root = parsed(path, "SystemStructure.ssd")
     assert root.get("version") == "2.0"

@@ -170,9 +170,8 @@ def _types(root: Element, listed: list[Variable], version: Version) -> dict[Unit
         return name
 
     def add(name: str, kind: str, description: str, attributes: dict[str, str]) -> None:
-        if version == 3:
-            head = {"name": name, "description": description}
-            SubElement(definitions, f"{kind}Type", head | attributes)
+        if version == 3:  # without the description, which FMPy 0.3.20 refuses
+            SubElement(definitions, f"{kind}Type", {"name": name} | attributes)
         else:
             element = SubElement(definitions, "SimpleType", name=name, description=description)
             SubElement(element, {"Float64": "Real", "Int32": "Integer"}[kind], attributes)

@@ -45,7 +45,7 @@ def export_fmu(
     atol: float = 1e-9,
     description: str = "",
     model_name: str = "",
-    arrays: bool = True,
+    arrays: bool = False,
     progress: Callable[[float], None] | None = None,
 ) -> Path:
     """Write a Block as an FMU; ``block.to_fmu(path)`` does the same.
@@ -77,7 +77,8 @@ def export_fmu(
         What tools show as the model's name (default: the Block's name). Files keep the Block's name.
     arrays : bool, optional
         Whether FMI 3 lists vectors and matrices (``P[0,0]``, ``P[0,1]``, ...) as array variables. False:
-        every element is a variable, as in FMI 2, for importers that take no arrays.
+        every element is a variable, as in FMI 2. CasADi and Ecos take no arrays; FMPy's table of inputs
+        takes none beside scalars.
     progress : callable, optional
         Called with the completed fraction, 0 to 1.
 

@@ -73,7 +73,7 @@ class Interface:
     ['time', 'x', 'y', 'psi']
     """
 
-    def __init__(self, block: Block, friction: Friction = "smooth", *, arrays: bool = True) -> None:
+    def __init__(self, block: Block, friction: Friction = "smooth", *, arrays: bool = False) -> None:
         if friction not in ("events", "smooth"):
             raise InputError(f"friction must be 'events' or 'smooth', found {friction!r}")
         if not block.outputs and not block.states:

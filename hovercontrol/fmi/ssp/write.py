@@ -96,10 +96,9 @@ def export_ssp(
     with tempfile.TemporaryDirectory() as folder:
         for part in parts:
             if isinstance(part, Block):
-                # Tools that read systems take no connectors that are arrays.
                 file = Path(folder) / f"{Interface(part).identifier}.fmu"
                 as_fmu: dict[str, Any] = {"version": version, "platforms": platforms}
-                part = export_fmu(part, file, arrays=False, step=step, stop=stop, **as_fmu)
+                part = export_fmu(part, file, step=step, stop=stop, **as_fmu)
             components.append(_component(Path(part), with_values=Path(part).parent == Path(folder)))
     names = [c.name for c in components]
     for c in components:

@@ -53,7 +53,7 @@ def test_every_part_has_a_valid_description_and_says_what_it_is(name, tmp_path):
 def test_a_part_as_fmu_is_the_block(name, tmp_path):
     part = PARTS[name].block(name)
     # elements of arrays by their names: FMPy takes and gives scalars
-    path = part.to_fmu(tmp_path / "part.fmu", step=part.period, stop=1.0, arrays=False)
+    path = part.to_fmu(tmp_path / "part.fmu", step=part.period, stop=1.0)
     assert validate_fmu(str(path)) == []
     rng = np.random.default_rng(5)
     ticks = 60
