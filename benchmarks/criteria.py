@@ -32,7 +32,7 @@ FACTORS = (2.0, 0.5)
 
 #: Thresholds of each rule, by the start of its text. Some serve several rules, which then change together.
 BEHIND = {
-    "gain on left-out blocks": ((TRIALS, "promised"), (CRITERIA, "share")),
+    "cross-validated gain": ((TRIALS, "promised"), (CRITERIA, "share")),
     "gain of the fit": ((TRIALS, "half"),),
     "cost above": ((TRIALS, "near"),),
     "gain in twice": ((CRITERIA, "least"), (CRITERIA, "each")),

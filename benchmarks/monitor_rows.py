@@ -78,7 +78,7 @@ def rows() -> Iterator[tuple[str, str, str, bool | None]]:
                 named += 1
                 within += abs(found[0].change - CHANGE) < 2.0 * found[0].std
         yield (
-            f"{label}: sound logs with an alarm",
+            f"{label}: reference logs with an alarm",
             f"{alarmed} of {LOGS}",
             "<= 2",
             alarmed <= 2 if bound else None,

@@ -3,7 +3,7 @@
 ``python -m benchmarks.six_fans`` fits the first half of the log ``h1`` (../shared/data, or
 $HOVERCONTROL_DATA), names what the nominal craft lacks, and prints of the second half: the errors 0.2 s ahead
 before and after, beside those that the log's authors print of their best model on another day's log; and for
-each equation what functions of one to three signals could still take from left-out blocks of it.
+each equation what functions of one to three signals could still take from left-out segments of it.
 """
 
 from __future__ import annotations

@@ -83,13 +83,15 @@ class Names(SphinxTransform):
 
     def apply(self, **kwargs: Any) -> None:
         """Change every such literal of a page."""
-        for node in list(self.document.findall(nodes.literal)):
+        docname = self.env.docname
+        found = [] if docname.startswith(("reference/", "gallery/")) else self.document.findall(nodes.literal)
+        for node in list(found):
             name = re.fullmatch(r"(?:hc|hovercontrol)((?:\.\w+)+)(?:\(.*\))?", node.astext())
-            if not name or isinstance(node.parent, nodes.reference):
+            if not name or isinstance(node.parent, nodes.reference | nodes.title):
                 continue
             link = addnodes.pending_xref(
                 "", refdomain="py", reftype="obj", reftarget=f"hovercontrol{name[1]}", refexplicit=True,
-                refwarn=False, refdoc=self.env.docname,
+                refwarn=False, refdoc=docname,
             )  # fmt: skip
             node.replace_self(link)
             link += node

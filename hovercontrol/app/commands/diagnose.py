@@ -55,9 +55,8 @@ def diagnose(
 ) -> int:
     """Find which effects a model lacks, how much error each explains, and what remains.
 
-    A name needs likelihood under process noise; where something else remains also the same coefficient on
-    disjoint blocks, or, where few blocks inform on it, held-out logs that show it; and no held-out log that
-    is predicted worse.
+    An effect is named if it raises the likelihood enough and no held-out log is predicted worse. If something
+    else remains, its coefficient must also agree between segments of the logs.
 
     Verdicts: none (nothing is missing beyond noise), effect (named, nothing
     remains), partial (named, and something remains), ambiguous (one of

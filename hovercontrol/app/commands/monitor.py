@@ -15,7 +15,7 @@ from hovercontrol.base.files import check_folder
 if TYPE_CHECKING:
     from hovercontrol.identification.monitor.build import Built
 
-EXAMPLE = "Example: hovercontrol monitor today.csv --sound sound.csv --model craft.toml --out out/monitor"
+EXAMPLE = "Example: hovercontrol monitor today.csv --reference good.csv --model craft.toml --out out/monitor"
 
 
 def monitor(
@@ -33,8 +33,8 @@ def monitor(
     sound: Annotated[
         str | None,
         typer.Option(
-            "--sound",
-            help="A sound log, from which coefficients and noise are fitted (default: the model as it is, "
+            "--reference",
+            help="Reference log without faults, for coefficients and noise (default: the model as it is, "
             "and the noise of the first part of LOG).",
         ),
     ] = None,
@@ -67,7 +67,7 @@ def monitor(
         typer.Option(
             "--follow",
             help="Read LOG line by line while it grows; each alarm and each fault of the rows is one JSON "
-            "line ('hovercontrol schema monitor_event'). Needs --sound. Ends with standard input, or by "
+            "line ('hovercontrol schema monitor_event'). Needs --reference. Ends with standard input, or by "
             "Ctrl-C.",
         ),
     ] = False,
@@ -155,7 +155,9 @@ def _check_follow(log: str, sound: str | None, follow: bool, others: bool) -> No
             "--period"
         )
     if follow and sound is None:
-        raise InputError("monitor: --follow needs --sound LOG: a sound log, for the noise and the period")
+        raise InputError(
+            "monitor: --follow needs --reference LOG, a log without faults, for noise and period"
+        )
 
 
 def _follow(built: Built, log: str, columns: str, hold: float | None, missing: list[float]) -> int:

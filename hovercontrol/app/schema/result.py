@@ -161,7 +161,7 @@ class Predictable(TypedDict):
     """How much of what remains in an equation any law of one signal, times others, could take."""
 
     signals: Annotated[list[str], "of which it is a function, and that multiply it"]
-    gain: Annotated[float, "in twice the log likelihood of left-out blocks"]
+    gain: Annotated[float, "cross-validated, in twice the log likelihood"]
     share_named: Annotated[float, "of what these signals tell, the share that named effects have taken"]
 
 

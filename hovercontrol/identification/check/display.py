@@ -109,7 +109,7 @@ def _column(axis: Axes, facts: LogFacts, column: Column) -> None:
     _spans(axis, facts.timing[0].gaps, color=GAP, hatch="//", ec="0.6", lw=0, label="gap")
     if not command:
         wrong = [(s.start, s.stop) for s in facts.rejected]
-        _spans(axis, wrong, color=WRONG, alpha=0.3, lw=0.6, label="rejected: no craft moves like this")
+        _spans(axis, wrong, color=WRONG, alpha=0.3, lw=0.6, label="rejected: implausible motion")
     if column.outliers:
         at = np.searchsorted(log.time, column.outliers)
         at = at[envelope(row[at])]

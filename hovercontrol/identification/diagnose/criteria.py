@@ -61,7 +61,7 @@ class Criteria:
         Process noise below this fraction of the observed acceleration counts as zero: the steps of the
         simulation cause as much.
     share : float
-        A candidate is not fitted if its gain on left-out blocks is below this fraction of the best one's.
+        A candidate is not fitted if its cross-validated gain is below this fraction of the best one's.
     tries : int
         Maximum number of candidates fitted to find the best.
     worse : float

@@ -199,7 +199,7 @@ class Identified:
     rows, rows_total : int
         Rows with a measurement that was used, and rows of the logs.
     outliers, rejected : int
-        Rows with a sample left out as an isolated outlier, and rows left out because no craft moves that way.
+        Rows with a sample left out as an isolated outlier, and rows left out as implausible motion.
     down_weighted : int
         Rows with an isolated sample of reduced weight, not far enough off to be left out.
     logs : tuple of str
@@ -361,7 +361,7 @@ class Identified:
         if equations:
             lines += ["", *aligned([("equation", "remains", "seen", "unit", "share"), *equations])]
         left = [f"{self.outliers} with an outlier"] if self.outliers else []
-        left += [f"{self.rejected} where no craft moves like this"] if self.rejected else []
+        left += [f"{self.rejected} with implausible motion"] if self.rejected else []
         used = f"{self.rows} of {self.rows_total} rows of {', '.join(self.logs)}"
         used += f"; left out: {', '.join(left)}" if left else ""
         used += f"; down-weighted: {self.down_weighted} with a doubtful sample" if self.down_weighted else ""

@@ -206,7 +206,7 @@ class Study:
             if j.worse
         ]
         rejects = self.found.model.is_craft or any(j.run.rejected for j in self.judged)
-        lines += ["", "rejected because no craft moves like this"] if rejects else []
+        lines += ["", "rejected: implausible motion"] if rejects else []
         for j in self.judged if rejects else ():
             spans = [f"{s.start:.2f}-{s.stop:.2f} s ({s.rows} rows, {s.reason})" for s in j.run.rejected]
             more = [f"and {len(spans) - SHOWN} more in rejected.csv"] if len(spans) > SHOWN else []

@@ -4,7 +4,7 @@ Standard errors are valid if the model is complete. The coefficients of an incom
 missing effects and are biased. Two further estimates ("readings") of a coefficient show this:
 
 - The coefficients with a missing effect. One filter run scores the catalogue. The effect with the largest
-  gain on left-out blocks, which did not determine its size, is added and fitted.
+  cross-validated gain, which did not determine its size, is added and fitted.
 - The coefficients over longer times. A fit with random forces depends mostly on changes from row to row,
   which a small delay biases. One Gauss-Newton step on rows that are 0.5 or 2 s apart depends on changes over
   that time. If the model is complete, both estimate the same coefficients. Their difference is compared with
@@ -172,7 +172,7 @@ def _with_all_numbers(search: Search, fit: Fit, fixed: Sequence[str]) -> tuple[t
 
 
 def _tried(search: Search, fit: Fit, count: int) -> list[Tried]:
-    """Return fits with the candidates that gain most on left-out blocks, which did not set their size."""
+    """Return fits with the candidates of largest cross-validated gain, which did not set their size."""
     found: list[Tried] = []
     missed = 0
     for s in _worthy(fit):
@@ -190,7 +190,7 @@ def _tried(search: Search, fit: Fit, count: int) -> list[Tried]:
 
 
 def _worthy(fit: Fit) -> list[Scored]:
-    """Return the candidates with sufficient gain on left-out blocks, each at its best trial, best first."""
+    """Return the candidates with sufficient cross-validated gain, each at its best trial, best first."""
     known = [c for c in candidates(fit) if _is_candidate(fit.problem, type(c.trial))]
     found = singles(Scores(fit, known))
     return [

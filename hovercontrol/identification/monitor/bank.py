@@ -23,7 +23,7 @@ g is twice the log-likelihood ratio (Willsky and Jones, A generalized likelihood
 
 An alarm is raised by b with e_i limited to +-LIMIT, so that one sample of heavy-tailed noise says little
 (Huber, Robust Statistics, 1981); after several outliers a change is likelier, and e_i is not limited. Where
-the scores of a sound log vary more than J, by the dispersion phi_j, b and J are divided by it: see
+the scores of a reference log vary more than J, by the dispersion phi_j, b and J are divided by it: see
 :mod:`hovercontrol.identification.monitor.dispersion`.
 
 Starts tau are kept in windows w = 0 ... W-1. Every ``first`` ticks window 0 begins anew; every ``2^w first``

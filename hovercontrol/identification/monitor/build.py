@@ -90,7 +90,7 @@ def build(
         noise, std = noise_from(model, source, channels), {}
         where = (
             f"noise taken from the first {source.time[-1] - source.time[0]:.0f} s of {log.name}, "
-            "in which a change is not seen; --sound LOG takes it from a sound log"
+            "in which a change is not seen; --reference LOG takes it from a reference log"
         )
     report(0.3, "computing the threshold")
     block = monitor(

@@ -1,4 +1,4 @@
-"""Dispersion of a monitor's scores along a sound log: how much more they vary than the noise says.
+"""Dispersion of a monitor's scores along a reference log: how much more they vary than the noise says.
 
 Without a change, and with the noise as stated, the score b of a test has the mean 0 and the variance J. Noise
 that is not white, noise larger than stated and slow errors of the model keep the mean, but the variance is

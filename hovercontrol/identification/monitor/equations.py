@@ -69,7 +69,7 @@ def _constants(
             for s, v in zip(design.model.plant.states, design.model.start_std, strict=True)
         ),
         tuple(
-            constant(f"dispersion_{c.name}", "1", f"of the scores of {c.name} along a sound log", v)
+            constant(f"dispersion_{c.name}", "1", f"of the scores of {c.name} along a reference log", v)
             for c, v in zip(design.candidates, dispersion, strict=bool(dispersion))
         ),
     )

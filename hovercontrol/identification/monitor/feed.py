@@ -25,7 +25,7 @@ from hovercontrol.identification.monitor.clock import Clock, Row
 from hovercontrol.identification.monitor.commands import Commands
 from hovercontrol.identification.monitor.notes import Note, Tally
 
-#: A value that is this many times the largest of the sound log is damaged, or in another unit.
+#: A value that is this many times the largest of the reference log is damaged, or in another unit.
 FAR = 1000.0
 
 #: Part of the time between a row and its tick by which the ticks follow: jitter is averaged over 16 rows.
@@ -62,8 +62,8 @@ class Feed:
     block : Block
         From :func:`~hovercontrol.identification.monitor.monitor.monitor`.
     sizes : mapping of str to float, optional
-        Largest absolute values of signals in a sound log; values of more than :data:`FAR` times as much are
-        left out.
+        Largest absolute values of signals in a reference log; values of more than :data:`FAR` times as much
+        are left out.
     step : float, optional
         Usual time between two rows [s] (default: the period).
 
@@ -169,7 +169,7 @@ class Feed:
         for name in far:
             if count := self.bad.add(name):
                 size = self._farthest[name] / FAR
-                text = f"{name} = {values[name]:.4g}: over {FAR:g} times the {size:.4g} of the sound log"
+                text = f"{name} = {values[name]:.4g}: over {FAR:g} times the {size:.4g} of the reference log"
                 yield Note("bad", f"{text}, so it is left out", self._time, count)
         yield from self._take(self.clock.take(time, {**values, **dict.fromkeys(far, math.nan)}))
 

@@ -37,7 +37,7 @@ def log(name, change=0.0, seed=1, seconds=40.0):
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """Return a folder with the cart, a sound log, another sound one, and one with a change."""
+    """Return a folder with the cart, a reference log, another log without a fault, and one with a change."""
     path = tmp_path_factory.mktemp("cart")
     (path / "cart.py").write_text(MODEL)
     log("sound").save(path / "sound.csv")
@@ -46,7 +46,7 @@ def folder(tmp_path_factory):
     return path
 
 
-OPTIONS = ["--sound", "sound.csv", "--model", "cart.py:CART", "--candidates", "c,v_bias"]
+OPTIONS = ["--reference", "sound.csv", "--model", "cart.py:CART", "--candidates", "c,v_bias"]
 
 
 @pytest.mark.slow
@@ -119,7 +119,7 @@ def test_a_growing_file_is_followed_until_ctrl_c(folder, tmp_path):
     ("words", "said"),
     [
         ([], "monitor: expected a log"),
-        (["drag.csv", "--follow", "--model", "cart.py:CART"], "--follow needs --sound LOG"),
+        (["drag.csv", "--follow", "--model", "cart.py:CART"], "--follow needs --reference LOG"),
         (["-", *OPTIONS], "- is standard input: add --follow"),
         (["nope.csv", "--follow", *OPTIONS], "nope.csv: no such file"),
         (["drag.csv", *OPTIONS, "--follow", "--out", "o"], "--follow prints JSON lines: no --out"),
@@ -139,5 +139,5 @@ def test_wrong_input_is_one_line(call, folder, words, said):
 
 def test_help_has_an_example(call, folder):
     done = call("monitor", "--help", cwd=folder)
-    assert "Example: hovercontrol monitor today.csv --sound sound.csv" in done.stdout
+    assert "Example: hovercontrol monitor today.csv --reference good.csv" in done.stdout
     assert "--follow" in done.stdout

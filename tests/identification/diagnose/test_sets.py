@@ -1,4 +1,4 @@
-"""Sets of candidates by their gain on left-out blocks, against least squares on the raw columns."""
+"""Sets of candidates by their cross-validated gain, against least squares on the raw columns."""
 
 from types import SimpleNamespace
 

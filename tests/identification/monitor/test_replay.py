@@ -65,7 +65,7 @@ def test_rows_that_are_lost_with_their_commands_are_no_alarm(watch, seed):
 
 @pytest.mark.parametrize("clock", [0.99, 0.999, 1.001, 1.01])
 def test_a_clock_that_runs_at_another_rate_is_no_alarm(watch, clock):
-    """After 50 to 500 rows its stamps are half a period off the ticks of the sound log."""
+    """After 50 to 500 rows its stamps are half a period off the ticks of the reference log."""
     run = log(120.0)
     assert hc.replay(watch, hc.Log("cart.csv", clock * run.time, run.columns)).alarms == ()
 

@@ -34,7 +34,7 @@ class LikelyLaw:
     ----------
     name : str
     gain : float
-        On left-out blocks, alone or with its partner.
+        On left-out segments, alone or with its partner.
     same : dict of str to bool
         Laws that these logs do not tell from it, and whether each breaks more symmetries of the model.
     trials : dict of str to Law

@@ -82,7 +82,7 @@ def with_laws(
     screening = screened(base, names, criteria, model)
     few = screening.laws
     rows = [] if trace is None else trace
-    rule, least = "gain of the law on left-out blocks, at least", criteria.least
+    rule, least = "cross-validated gain of the law, at least", criteria.least
     rows.extend(Decision("score", s.name, rule, s.gain, least, s.gain >= least) for s in few)
     beside = in_own_equations(few, selection)
     taken = base.cost - selection.final.cost
@@ -186,7 +186,7 @@ def _unshown(own: Evidence, name: str) -> Lead:
     """Return a law that the held-out logs do not show by themselves, as one that is not named."""
     gain = own.gained.gain if own.gained else 0.0
     told = "held-out logs do not show it by themselves"
-    told = "a memory is named only where what it leaves is noise" if f"{FILTERED}_" in name else told
+    told = "a lag is reported only if the residuals are white" if f"{FILTERED}_" in name else told
     reason = f"more is missing than this law, and {told} (gain {gain:.3g})"
     return Lead(name, own.gain, own.blocks.t, reason, own.blocks.n)
 

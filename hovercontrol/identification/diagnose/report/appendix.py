@@ -48,7 +48,7 @@ def appendix(m: Context) -> str:
         "rows",
         "samples left out as outliers",
         "samples down-weighted",
-        "rejected on reading: no craft moves like this",
+        "rejected on reading: implausible motion",
     )
     problem = d.selection.base.problem
     seconds = sum(float(log.time[-1] - log.time[0]) for log in problem.logs)

@@ -1,7 +1,7 @@
 """Selection of the effects that a model lacks, in five steps: score, fit, confirm, challenge, hold out.
 
 Each round scores all candidates on one table (:mod:`.score`), chooses the few best sets by their gain on
-left-out blocks (:mod:`.sets`), fits these, and goes on from the likeliest: the table is made again there.
+left-out segments (:mod:`.sets`), fits these, and goes on from the likeliest: the table is made again there.
 What was added is then confirmed (:mod:`.confirm`) and challenged (:mod:`.challenge`); :mod:`.hold_out`
 follows.
 """
@@ -151,7 +151,7 @@ def _forbidden(seen: Sequence[Scored]) -> list[Decision]:
 def _fitted(search: Search, current: Fit, scores: Scores, most: int) -> list[Added]:
     """Return the fits with the best effects alone and, if none of them passes, with a set that gains more.
 
-    The gain on left-out blocks is a linear prediction. An effect is fitted if it promises enough, and not
+    The cross-validated gain is a linear prediction. An effect is fitted if it promises enough, and not
     much less than the best one whose fit keeps its promise: a wrong scale of a motor's tachometer promised
     415 and kept nothing, where the dead zone that was there promised 17.
     """
@@ -160,7 +160,7 @@ def _fitted(search: Search, current: Fit, scores: Scores, most: int) -> list[Add
     alone = singles(scores)
     for one in alone:
         s, asked = one.members[0], max(least, criteria.share * best)
-        rule, worthy = "gain on left-out blocks, at least", one.gain >= asked
+        rule, worthy = "cross-validated gain, at least", one.gain >= asked
         search.trace.append(Decision("score", one.names[0], rule, one.gain, asked, worthy))
         same = any(a.last.effect.twin(s.candidate.trial) for a in found)
         if not worthy or same or len(found) >= criteria.tries + broken or broken > criteria.tries:

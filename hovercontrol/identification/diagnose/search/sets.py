@@ -24,7 +24,7 @@ class CandidateSet:
     columns : tuple of int
         Their columns in the table.
     gain : float
-        Gain on left-out blocks: by how much minus twice the log likelihood of each block falls under sizes
+        Cross-validated gain: by how much minus twice the log likelihood of each block falls under sizes
         that all other blocks chose. It needs no penalty for the number of parameters: a needless one gains
         nothing on a block that did not choose its size.
     """
