@@ -146,7 +146,7 @@ def _contenders(search: Search, less: Fit, named: Tried) -> list[tuple[Effect, S
 
     First those that are the same in every log, which need no fit. Then those that were as likely where the
     named one was added: beside what has been dropped since, they may promise little. Then the candidates by
-    gain on left-out blocks.
+    cross-validated gain.
     """
     criteria = search.criteria
     alone = singles(search.scores(less))
