@@ -223,28 +223,9 @@ class Diagnosis:
 
     def result(self) -> dict[str, Any]:
         """Return the entries of ``result.json``."""
-        names = dict.fromkeys(e.effect for e in self.effects)
-        numbers = {name: [e for e in self.effects if e.effect == name] for name in names}
         return {
             "verdict": self.verdict,
-            "effects": [
-                {
-                    "name": name,
-                    "kind": "law" if is_law(name) else "effect",
-                    "equation": own[0].acts_in,
-                    "place": own[0].place,
-                    "coefficient": main.value,
-                    "std": main.std,
-                    "unit": main.unit,
-                    "numbers": {e.parameter: {"value": e.value, "std": e.std, "unit": e.unit} for e in own},
-                    "region": region_of(self.amended.effect(name)) or None,
-                    "function": self.function(name),
-                    "evidence": self.evidence[name].result(),
-                    "readings": [name, *(r.name for r in self.rivals if r.same and r.instead_of == name)],
-                }
-                for name, own in numbers.items()
-                for main in (peak_of(own),)
-            ],
+            "effects": self._effects(),
             "coefficients": [asdict(c) for c in self.coefficients],
             "groups": [{"name": g.name, "value": g.value, "std": g.std, "unit": g.unit} for g in self.groups],
             "rivals": [
@@ -289,6 +270,29 @@ class Diagnosis:
             "rows_down_weighted": self.rows_down_weighted,
             "warnings": list(self.warnings),
         }
+
+    def _effects(self) -> list[dict[str, Any]]:
+        """Return the named effects for :meth:`result`."""
+        names = dict.fromkeys(e.effect for e in self.effects)
+        numbers = {name: [e for e in self.effects if e.effect == name] for name in names}
+        return [
+            {
+                "name": name,
+                "kind": "law" if is_law(name) else "effect",
+                "equation": own[0].acts_in,
+                "place": own[0].place,
+                "coefficient": main.value,
+                "std": main.std,
+                "unit": main.unit,
+                "numbers": {e.parameter: {"value": e.value, "std": e.std, "unit": e.unit} for e in own},
+                "region": region_of(self.amended.effect(name)) or None,
+                "function": self.function(name),
+                "evidence": self.evidence[name].result(),
+                "readings": [name, *(r.name for r in self.rivals if r.same and r.instead_of == name)],
+            }
+            for name, own in numbers.items()
+            for main in (peak_of(own),)
+        ]
 
     def function(self, name: str) -> dict[str, Any] | None:
         """Return a named effect that is a table: signals, grid, values and their standard errors; else None.
