@@ -43,6 +43,8 @@ TOOLS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "cofmupy": (("cofmupy",), ("CoSimulation",)),
     "fmu-manipulation-toolbox": (("fmu-manipulation-toolbox", "fmpy"), ("CoSimulation",)),
     "pyssp-standard": (("pyssp-standard",), ("ssp",)),
+    "pythonfmu": (("pythonfmu", "numpy"), ()),
+    "pythonfmu3": (("pythonfmu3", "numpy"), ()),
     "mosaik-fmi": (("mosaik-fmi",), ()),
     "PyFMI": (("PyFMI",), ()),
     "OMSimulator": (("omsimulator",), ()),
@@ -210,15 +212,15 @@ def theirs(folder: Path) -> Iterator[tuple[str, ...]]:
     logs = [hc.Log("a", t[:300], {"u": u[:300], "x": seen[:300]})]
     logs += [hc.Log("b", t[300:] - t[300], {"u": u[300:], "x": seen[300:]})]
     for package, source in SOURCES.items():
-        TOOLS.setdefault(package, ((package,), ()))
         python = environment(package)
         if isinstance(python, str):
             yield package, "", "", "", "skipped", python
             continue
         place = folder / package
         place.mkdir()
-        (place / "decay.py").write_text(source)
-        build = [str(python), "-m", package, "build", "-f", "decay.py", "-d", "."]
+        module = f"decay_{package}.py"  # two FMUs in one process share Python's modules
+        (place / module).write_text(source)
+        build = [str(python), "-m", package, "build", "-f", module, "-d", "."]
         subprocess.run(build, cwd=place, check=True, capture_output=True)
         head = f"{package} {version_of(package, python)}", "its FMU here", "", "Co-Simulation"
         with warnings.catch_warnings():
