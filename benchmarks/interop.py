@@ -59,7 +59,7 @@ CAUSES: dict[tuple[str, str], str] = {
     (
         "casadi",
         "corrected",
-    ): "it needs `dependencies` in FMI 3, which a corrected FMU leaves to their default",
+    ): "it needs dependencies in FMI 3, which a corrected FMU leaves to their default",
     ("libcosimpy", "FMI 3"): "it reads FMI 1 and 2",
     ("libcosimpy", "SSP 2.0"): "it reads FMI 1 and 2",
     ("ecospy", "SSP 2.0"): "it reads SSP 1.0",
