@@ -11,6 +11,7 @@ import pytest
 from hovercontrol.base.svg import Plot, bounds, ticks
 from hovercontrol.craft.effects import effect_class, effect_names
 from hovercontrol.identification.diagnose import diagnose
+from hovercontrol.identification.diagnose.criteria import CRITERIA
 from hovercontrol.identification.diagnose.evidence.holdout import Gained
 from hovercontrol.identification.diagnose.report import (
     gap_sentence,
@@ -176,7 +177,9 @@ def test_what_cannot_be_told_apart_is_named_together(windy, pages):
 def test_what_is_unexplained_has_leads_and_no_name(patched, pages):
     d = patched.found
     assert d.verdict == "unexplained" and d.leads
-    assert headline(d).startswith("Missing: something that no known effect explains; nearest come")
+    weak, strong = (replace(d, leads=(replace(d.leads[0], gain=k * CRITERIA.least),)) for k in (0.5, 2.0))
+    assert headline(weak) == "Missing: something that no known effect explains."
+    assert f"explains; nearest comes cubic drag in surge ({d.leads[0].reason})." in headline(strong)
     _, text = read(pages["unexplained"])
     assert "They are hints, not findings." in text and d.leads[0].reason in text
     assert "the amended model" not in text.replace("the amended model still needs", "")
