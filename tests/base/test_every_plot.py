@@ -114,6 +114,13 @@ def whole_loop():
     return hc.interconnect(parts).compile().simulate(T)
 
 
+def residuals():
+    k, v, a = hc.Signal("k", "1/s", start=1.0), hc.Signal("v", "m/s"), hc.Signal("a", "m/s^2")
+    block = hc.Block("decay", [v], [a], [v], [k], {"v": a.symbol - k.symbol * v.symbol})
+    seen = np.exp(-T) + 0.01 * np.random.default_rng(1).normal(size=T.size)
+    return hc.identify(block, [Log("decay", T, {"v": seen, "a": 0.0 * T})]).residuals(lags=3)
+
+
 #: How each is made, and the class whose plot draws it.
 QUICK = {
     "run": ("Response", lambda: hc.simulate(CRAFT.plant(), T, GIVEN)),
@@ -168,6 +175,7 @@ QUICK = {
     "budget": ("Budget", budget),
 }
 SLOW = {
+    "residuals": ("Residuals", residuals),
     "replayed": ("Replayed", replayed),
     "expected errors": (
         "ExpectedErrors",
@@ -175,7 +183,7 @@ SLOW = {
     ),
 }
 #: Made once for all tests of notebooks.
-SHARED = {"run": "Run", "varied": "Varied", "sweep": "SweepResult", "study": "Study",
+SHARED = {"run": "Run", "varied": "GridResult", "sweep": "SweepResult", "study": "Study",
           "identified": "Identified", "diagnosis": "Diagnosis", "check": "Checked"}  # fmt: skip
 
 
@@ -256,4 +264,4 @@ def test_margins_without_their_loop_say_so():
 def test_margins_draw_the_loop_that_they_are_of():
     above, _ = loop_margins(LINE).plot().axes
     rate, gain = above.lines[0].get_data()
-    np.testing.assert_allclose(gain, abs(LINE(1j * rate)), rtol=1e-9)
+    np.testing.assert_allclose(gain, 20 * np.log10(abs(LINE(1j * rate))), atol=1e-9)

@@ -24,8 +24,8 @@ from hovercontrol.identification.identify.study import Study
 
 #: What users write themselves shows as the call that makes it.
 WRITTEN = {"Beacons", "BoundedDelays", "Condition", "Imperfections", "Printed", "Signal"}
-#: Namesakes in the package of what is returned: an alias of NDArray, a callable, a table of pyarrow.
-OTHERS = {"Array", "Report", "Table"}
+#: Namesakes in the package of what is returned: an alias of NDArray, a callable, a rival's, pyarrow's table.
+OTHERS = {"Array", "Report", "Residuals", "Table"}
 LINES, WIDTH = 12, 120
 
 

@@ -10,7 +10,12 @@ ROOT = Path(__file__).parents[2]
 LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")
 PAGES = [
     *ROOT.glob("*.md"),
-    *(p for p in ROOT.glob("*/**/*.md") if not {"reference", "gallery", "out"} & {*p.parts}),
+    *(
+        p
+        for p in ROOT.glob("*/**/*.md")
+        if not {"reference", "gallery", "out"} & {*p.parts}
+        and not re.search(r"/\.|__", str(p.relative_to(ROOT.parent)))
+    ),
 ]
 
 

@@ -74,6 +74,7 @@ def rk4_step(slope: Callable[[Array, Array], Array], t: Array, x: Array, h: Arra
 
     Examples
     --------
+    >>> import numpy as np
     >>> one = np.array([1.0])
     >>> rk4_step(lambda t, x: -x, 0.0 * one, one, 0.1 * one).round(7)
     array([0.9048375])

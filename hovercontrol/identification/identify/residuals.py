@@ -99,6 +99,7 @@ class Residuals:
                 axis.vlines(at, 0.0, values, colors=np.where(far, VERMILION, BLUE).tolist(), lw=1.4)
                 axis.axhline(0.0, color="0.3", lw=0.6)
                 axis.set_title(f"{channel} with {name}", fontsize="small")
+                axis.set_ylabel("correlation [1]")
                 axis.set_ylim(-1.15 * max(limit, np.abs(values).max()), None)
         for axis in axes[-1]:
             axis.set_xlabel("lag [rows]")

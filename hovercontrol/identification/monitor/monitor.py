@@ -158,8 +158,8 @@ def monitor(
     ...     cart, ["v_bias"], false_alarms_per_hour=1.0, period=0.1, measured=["v"],
     ...     process_noise={"v": 0.1}, measurement_noise={"v": 0.05},
     ... )
-    >>> [s.name for s in watch.outputs][:6]
-    ['alarm', 'effect', 'evidence', 'change', 'change_std', 'since']
+    >>> [s.name for s in watch.outputs][:5]
+    ['alarm', 'effect', 'evidence', 'change', 'change_std']
     """
     tick, wanted = (
         positive(f"{name}: period", period),

@@ -125,5 +125,5 @@ def test_a_step_before_a_reset_and_a_missing_package_are_told(monkeypatch):
     with pytest.raises(hc.InputError, match=r"needs reset\(\)"):
         PLANT.gym(0.05, **TASK).step([0.0, 0.0])
     monkeypatch.setitem(__import__("sys").modules, "gymnasium", None)
-    with pytest.raises(hc.InputError, match=r'pip install "hovercontrol\[rl\]"'):
+    with pytest.raises(hc.InputError, match=r'pip install "\.\[rl\]"'):
         PLANT.gym(0.05, **TASK)

@@ -152,7 +152,7 @@ def test_a_run_that_fails_is_marked_and_the_others_go_on():
 
 def test_without_jax_one_line_says_what_to_install(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "jax", None)
-    with pytest.raises(hc.InputError, match=r'pip install "hovercontrol\[jax\]"'):
+    with pytest.raises(hc.InputError, match=r'pip install "\.\[jax\]"'):
         LOOP.to_jax()
 
 

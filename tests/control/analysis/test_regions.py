@@ -180,9 +180,9 @@ def test_every_map_refuses_what_is_no_range_in_one_line(region, name, span):
         (lambda: reverse_region(speed=(0.5, 1.0)), "^reverse law: u_ref must be negative, found 1 m/s$"),
         (lambda: reverse_region(speed=(-1.0, 0.0)), "^reverse law: u_ref must be negative"),
         (lambda: arm_region(inertia=0.0), "^inertia must be positive"),
-        (lambda: arm_region(heading=np.inf), "^heading must be finite"),
+        (lambda: arm_region(heading=np.inf), "^heading must be a finite number"),
         (lambda: arm_region((0.1, 0.2), (0.01 / 0.585 / 0.1, 0.5), 3), r"arm = 0\.1 m .* gives a dx = J/m"),
-        (lambda: turn_basins(yaw_rate=np.inf), "^yaw_rate must be finite"),
+        (lambda: turn_basins(yaw_rate=np.inf), "^yaw_rate must be a finite number"),
         (lambda: turn_basins(3.0), "^turn_basins: plane: expected names, each with 2 values"),
     ],
 )

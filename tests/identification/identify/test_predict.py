@@ -96,7 +96,9 @@ def test_the_picture_has_units_names_and_rejected_spans(fan_log, fan_truth, tmp_
     assert len(figure.axes) == 6
     assert {a.get_ylabel() for a in figure.axes} >= {"x [m]", "r [rad/s]"}
     assert "four_fan" in figure.get_suptitle() and "simulated" in figure.get_suptitle()
-    assert figure.axes[0].get_title(loc="right") == f"rms error {run.rms['x']:.3g} m"
+    assert (
+        figure.axes[0].get_title(loc="right") == f"rms error {run.rms['x']:.3g} m, fit {run.fit['x']:.1f} %"
+    )
     measured, simulated = figure.axes[0].lines
     assert measured.get_linewidth() > 2 * simulated.get_linewidth(), "both are seen where they agree"
     assert "run (held out)" not in figure.get_suptitle()
