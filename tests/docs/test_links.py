@@ -11,10 +11,10 @@ LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")
 PAGES = [
     *ROOT.glob("*.md"),
     *(
-        p
-        for p in ROOT.glob("*/**/*.md")
-        if not {"reference", "gallery", "out"} & {*p.parts}
-        and not re.search(r"/\.|__", str(p.relative_to(ROOT.parent)))
+        page
+        for folder in ("docs", "findings", "fmu")
+        for page in (ROOT / folder).glob("**/*.md")
+        if not {"reference", "gallery"} & {*page.parts}
     ),
 ]
 

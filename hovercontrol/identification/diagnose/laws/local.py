@@ -4,7 +4,8 @@ For each named effect the flexible yardstick of its own signals is asked: if a f
 significantly on left-out blocks (:mod:`.scan`), its form is wrong and it is no name. What an equation then
 lacks is taken as a function of the signal that tells most of it, zero where it does not act, so that all
 other coefficients are fitted where nothing is missing. A form of few numbers stands in its place if it is as
-likely. Both are laws, fitted, confirmed and held out like any other effect.
+likely. Both are laws, fitted, confirmed and held out like any other effect. A function of a craft's place,
+heading or time says where something acts and not what: it is a region without a name.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from hovercontrol.base.arrays import Array
 from hovercontrol.craft.effects.law import Law, TableLaw
 from hovercontrol.identification.diagnose.criteria import CRITERIA, Criteria
 from hovercontrol.identification.diagnose.evidence.sensors import only_noise
+from hovercontrol.identification.diagnose.laws.grammar import signals_of
 from hovercontrol.identification.diagnose.laws.nearest import nearest
 from hovercontrol.identification.diagnose.laws.scan import Local, Scan
 from hovercontrol.identification.diagnose.places import inputs_of
@@ -68,7 +70,10 @@ def with_functions(
     report("looking for what acts in one regime only")
     final, added = found.selection.final, dict[str, int]()
     seen = _locals(final, criteria, rows)
+    acting = set(signals_of(final.problem.model).moving)
     for local, along in seen:
+        if not local.signals <= acting:
+            continue
         t = _fitted(search, final, local, along)
         if t is not None and early and isinstance(t.effect, Law) and t.effect.curve() is None:
             return given
