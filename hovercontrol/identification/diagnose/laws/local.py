@@ -4,7 +4,8 @@ For each named effect the flexible yardstick of its own signals is asked: if a f
 significantly on left-out blocks (:mod:`.scan`), its form is wrong and it is no name. What an equation then
 lacks is taken as a function of the signal that tells most of it, zero where it does not act, so that all
 other coefficients are fitted where nothing is missing. A form of few numbers stands in its place if it is as
-likely. Both are laws, fitted, confirmed and held out like any other effect. A function of a craft's place,
+likely. Both are laws, fitted, confirmed and held out like any other effect; beside a remainder that is not
+random they are asked what a law is asked there (:func:`.search.sound`). A function of a craft's place,
 heading or time says where something acts and not what: it is a region without a name.
 """
 
@@ -17,9 +18,12 @@ from hovercontrol.base.arrays import Array
 from hovercontrol.craft.effects.law import Law, TableLaw
 from hovercontrol.identification.diagnose.criteria import CRITERIA, Criteria
 from hovercontrol.identification.diagnose.evidence.sensors import only_noise
-from hovercontrol.identification.diagnose.laws.grammar import signals_of
+from hovercontrol.identification.diagnose.evidence.whiteness import random_remainder
+from hovercontrol.identification.diagnose.laws.grammar import law_names, signals_of
 from hovercontrol.identification.diagnose.laws.nearest import nearest
 from hovercontrol.identification.diagnose.laws.scan import Local, Scan
+from hovercontrol.identification.diagnose.laws.screen import best_gains
+from hovercontrol.identification.diagnose.laws.search import sound
 from hovercontrol.identification.diagnose.places import inputs_of
 from hovercontrol.identification.diagnose.search.confirm import Selection, confirmed
 from hovercontrol.identification.diagnose.search.fit import Search, Tried, beside, try_effect
@@ -70,10 +74,7 @@ def with_functions(
     report("looking for what acts in one regime only")
     final, added = found.selection.final, dict[str, int]()
     seen = _locals(final, criteria, rows)
-    acting = set(signals_of(final.problem.model).moving)
-    for local, along in seen:
-        if not local.signals <= acting:
-            continue
+    for local, along in function_names(final, seen, model, criteria, rows):
         t = _fitted(search, final, local, along)
         if t is not None and early and isinstance(t.effect, Law) and t.effect.curve() is None:
             return given
@@ -85,10 +86,14 @@ def with_functions(
     more = _selected(search, found.selection, final, added)
     report("predicting the held-out logs with the functions")
     again = held_out(more, data, criteria, rows)
-    named = again.selection.effects
-    unseen = [n for n in named if n in added and data and not shown(again.evidence[n], criteria)]
-    if unseen:
-        again = without(again, unseen, "held-out logs do not show it by themselves")
+    named = [n for n in again.selection.effects if n in added]
+    if only_noise(again.selection.final, criteria) or random_remainder(again.selection.final, criteria.level):
+        doubtful = [n for n in named if data and not shown(again.evidence[n], criteria)]
+    else:
+        doubtful = [n for n in named if not sound(again, n, found.selection.final, criteria)]
+    if doubtful:
+        reason = "held-out logs do not show it, or it takes little of what is missing"
+        again = without(again, doubtful, reason)
     return again if any(n in added for n in again.selection.effects) else unnamed
 
 
@@ -146,6 +151,29 @@ def _locals(final: Fit, criteria: Criteria, rows: list[Decision]) -> list[tuple[
             rows.append(Decision("score", local.table(), rule, local.gain, criteria.least, passed))
             found += [(local, scan.values[local.of.signal])] if scan and passed else []
     return sorted(found, key=lambda one: -one[0].gain)
+
+
+def function_names(
+    final: Fit, seen: list[tuple[Local, Array]], given: Subject, criteria: Criteria, rows: list[Decision]
+) -> list[tuple[Local, Array]]:
+    """Return the functions that may be what an equation lacks.
+
+    One of place, heading or time only says where; one that gains less than a single law stands for that.
+    """
+    acting = set(signals_of(final.problem.model).moving)
+    own = [one for one in seen if one[0].signals <= acting]
+    laws = best_gains(final, law_names(final.problem.model), criteria, given) if own else {}
+    found = []
+    for one in own:
+        ahead, rule = (
+            laws.get(one[0].equation, 0.0) - one[0].gain,
+            "gain of a law above the function's, below",
+        )
+        rows.append(
+            Decision("challenge", one[0].table(), rule, ahead, criteria.apart, ahead < criteria.apart)
+        )
+        found += [one] if ahead < criteria.apart else []
+    return found
 
 
 def _fitted(search: Search, final: Fit, local: Local, along: Array) -> Tried | None:

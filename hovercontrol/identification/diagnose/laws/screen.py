@@ -102,12 +102,24 @@ def screened(fit: Fit, names: Sequence[str], criteria: Criteria, given: Subject)
     given : Model or BlockModel
         The model whose symmetries a law should keep: the given one, without what a search has added.
     """
+    return _screening(fit, names, criteria, given).result()
+
+
+def best_gains(fit: Fit, names: Sequence[str], criteria: Criteria, given: Subject) -> dict[str, float]:
+    """Return the largest gain of a single law on left-out segments, by the equation in which it acts."""
+    screening, found = _screening(fit, names, criteria, given), dict[str, float]()
+    for law, gain in zip(screening.laws, screening.gains.tolist(), strict=True):
+        found[law.equation] = max(gain, found.get(law.equation, 0.0))
+    return found
+
+
+def _screening(fit: Fit, names: Sequence[str], criteria: Criteria, given: Subject) -> _Screening:
     model = fit.problem.model
     have = {e.name for e in model.effects}
     tried = _tried(fit, [n for n in names if n not in have])
     known = [c for c in candidates(fit) if len(c.amplitudes) == 1 and type(c.trial).kind() == "force"]
     scores = Scores(fit, [*tried, *known])
-    return _Screening(scores, [c.trial for c in tried], criteria, symmetries(given)).result()
+    return _Screening(scores, [c.trial for c in tried], criteria, symmetries(given))
 
 
 def _tried(fit: Fit, names: Sequence[str]) -> list[Candidate]:

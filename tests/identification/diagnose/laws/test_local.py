@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 import hovercontrol as hc
+from hovercontrol.craft.effects.law import Factor
 from hovercontrol.craft.models.interface import as_model
-from hovercontrol.identification.diagnose.laws.local import own_signals
+from hovercontrol.identification.diagnose.criteria import CRITERIA
+from hovercontrol.identification.diagnose.laws.local import function_names, own_signals
 from hovercontrol.identification.diagnose.laws.nearest import nearest
-from hovercontrol.identification.diagnose.laws.scan import Scan
+from hovercontrol.identification.diagnose.laws.scan import Local, Scan
 from hovercontrol.identification.diagnose.search.base import base_fit
 from hovercontrol.identification.diagnose.search.fit import Search
 from hovercontrol.identification.engine.data import gather
@@ -51,6 +53,15 @@ def test_the_scan_finds_the_signal_and_where_the_drag_acts(fit):
     (back, ahead) = best.region()
     assert back["high"] == -ahead["low"] and ahead["high"] is None
     assert best.low < 1.2 < best.high
+
+
+def test_a_function_of_time_and_one_that_gains_less_than_a_law_are_no_names(fit):
+    (best,), rows = Scan(fit, "v").found(), []
+    late = Local("v", (), Factor("", "time"), 500.0, kind="rise", low=1.0, high=2.0)
+    weak = Local("v", (), Factor("", "F"), 21.0, kind="rise", low=0.0, high=1.0)
+    seen = [(one, np.zeros(3)) for one in (late, weak, best)]
+    assert [one for one, _ in function_names(fit, seen, model(), CRITERIA, rows)] == [best]
+    assert [(row.effect, row.passed) for row in rows] == [("law_v__rise_F", False), (best.table(), True)]
 
 
 def test_nothing_is_found_where_nothing_is_missing():
