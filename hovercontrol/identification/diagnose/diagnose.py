@@ -21,7 +21,7 @@ from hovercontrol.identification.diagnose.diagnosis import Diagnosis, numbers_of
 from hovercontrol.identification.diagnose.evidence.holdout import gap
 from hovercontrol.identification.diagnose.evidence.laws import regime
 from hovercontrol.identification.diagnose.evidence.remainder import missing_forces, remainders
-from hovercontrol.identification.diagnose.evidence.sensors import only_noise, slow_errors
+from hovercontrol.identification.diagnose.evidence.sensors import slow_errors
 from hovercontrol.identification.diagnose.experiment.propose import next_experiment
 from hovercontrol.identification.diagnose.fmu import diagnose_fmu
 from hovercontrol.identification.diagnose.fmu_diagnosis import FmuDiagnosis
@@ -163,11 +163,14 @@ def _diagnosed(
 ) -> Diagnosis:
     report(0.0, "reading the measurements")
     warnings = [*assumed, *left_out(model, names), *check_logs(model, logs, holdout)]
-    data = gather(model, logs).joined
+    data, free = gather(model, logs), [name for name in unknowns(model) if name not in fixed]
     report(0.05, "fitting the model as it is")
     try:
-        base = base_fit(model, data, [name for name in unknowns(model) if name not in fixed])
-        base = scored(base, base.prior) if fed_back(base, CRITERIA.level) else base
+        base = base_fit(model, data, free)
+        fed = fed_back(base, CRITERIA.level)
+        if fed:  # segments that begin anew, and noise levels by turns, would bias what feedback ties together
+            base = base_fit(model, data.joined, free)
+            base = scored(base, base.prior)
     except FloatingPointError as error:
         raise InputError(f"{model.name!r}: {error}: try other start values") from error
     warnings += check_fitted(base)
@@ -177,19 +180,16 @@ def _diagnosed(
         done[0] += 1
         report(0.1 + 0.7 * (1 - 0.85 ** done[0]), what)
 
-    kept = gather(model, holdout).joined if holdout else None
+    kept = gather(model, holdout) if holdout else None
+    kept = kept.joined if kept and fed else kept
     trace: list[Decision] = []
     made: Made = []
     held = searched(
         base, model, kept, names=names, max_effects=max_effects, report=said, trace=trace, made=made
     )
     if names is None:
-        local = with_functions(held, model, kept, early=True, report=said, trace=trace)
-        if not only_noise(local.selection.final, CRITERIA):
-            laws = with_laws(held, model, kept, max_effects=max_effects, report=said, trace=trace, made=made)
-            if laws is not held or local is held:
-                local = with_functions(laws, model, kept, report=said, trace=trace)
-        held = local
+        held = with_laws(held, model, kept, max_effects=max_effects, report=said, trace=trace, made=made)
+        held = with_functions(held, model, kept, report=said, trace=trace)
     selection = held.selection
     report(0.92, "measuring the remainder")
     base, final = selection.base, selection.final  # a search may find a likelier fit of the given model

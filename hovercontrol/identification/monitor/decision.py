@@ -161,8 +161,9 @@ def decide(
     energy = of_best("best_energy", [bank.energy[w] for _, w in at])
     start = Start(b / info, best, info, energy, len(channels) * age)
     refined = refine(
-        write, bank, plant, which, alarm, start, after, limits, sized, accelerations, moves, turns, segment
-    )
+        write, bank, plant, which, alarm, start, after, limits, sized, accelerations, moves, turns, segment,
+        [j for j, c in enumerate(candidates) if c.memory or c.delay],
+    )  # fmt: skip
     number = chosen(lost, J + len(channels) + unknown.symbol, which)
     outputs = _alarm_outputs(write, candidates, channels, dead, alarm, number)
     outputs[Signal("evidence", "1", "largest g; alarm above the threshold")] = best

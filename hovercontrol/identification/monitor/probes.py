@@ -15,7 +15,8 @@ K begins anew with the next segment (Page, Biometrika 41, 1954), so that what wa
 count. By Wilson and Hilferty (PNAS 17, 1931) ``((U/K)^(1/3) - 1 + 2/(9 K))/(2/(9 K))^(1/2)`` is then standard
 normal.
 
-- An acceleration is left: no amplitude of the named candidate explains the samples, it is refuted.
+- An acceleration is left: no amplitude of the named candidate explains the samples, it is refuted. A lag or
+  a delay is not: its response at another size has another shape.
 - The amplitude does not hold: the estimate begins anew from here. If after :data:`MOST` times it does not
   hold for :data:`LOOKS` segments, the candidate is refuted, too: it follows something else. An amplitude with
   a rate is estimated anew every LOOKS segments.
@@ -85,7 +86,7 @@ def write_probes(
     away: Sequence[sp.Expr],
     variances: Sequence[sp.Expr],
     begins: sp.Expr,
-    unknown: sp.Expr,
+    spared: sp.Expr,
     steady: sp.Expr,
     segment: int,
     error: float,
@@ -106,8 +107,8 @@ def write_probes(
         rho/S and S, by measurement.
     begins : sympy.Expr
         1 where the estimate begins.
-    unknown : sympy.Expr
-        1 if the named change is an arbitrary acceleration: it is never refuted.
+    spared : sympy.Expr
+        1 if the named change is never refuted: an arbitrary acceleration, a lag, a delay.
     steady : sympy.Expr
         1 if the amplitude has no significant rate.
     segment : int
@@ -144,7 +145,7 @@ def write_probes(
         sizes.append(sums.total(f"whole[{p}]", b[p] ** 2 / sp.Max(J[p], 1e-300), sp.S.One)[0])
     held = _exceeds(limit, *sums.total("named", b[last] ** 2 / own, sp.S.One))
     moved = write.define("moved_amplitude", chosen(sp.And(sums.ends > sp.S.Half, held), sp.S.One, sp.S.Zero))
-    refuted, renewed = _judged(write, sums, moved, left, begins, unknown, steady)
+    refuted, renewed = _judged(write, sums, moved, left, begins, spared, steady)
     largest = sp.Max(*sizes, evaluate=False)
 
     def of_largest(values: Sequence[sp.Expr]) -> sp.Expr:
@@ -229,14 +230,14 @@ def _judged(
     moved: sp.Expr,
     left: Sequence[sp.Expr],
     begins: sp.Expr,
-    unknown: sp.Expr,
+    spared: sp.Expr,
     steady: sp.Expr,
 ) -> tuple[sp.Expr, sp.Expr]:
     """Write whether the name is refuted, and whether the estimate begins anew."""
     begun, ends = begins < sp.S.Half, sums.ends > sp.S.Half
     renewals = sums.state("renewals", "1", "times that the amplitude did not hold")
     young = sp.And(moved > sp.S.Half, sums.done < LOOKS + sp.S.Half, renewals > MOST - sp.S.Half)
-    wrong = sp.And(sp.Integer(len(left)) > 0, unknown < sp.S.Half, ends, begun, sp.Or(*left, young))
+    wrong = sp.And(sp.Integer(len(left)) > 0, spared < sp.S.Half, ends, begun, sp.Or(*left, young))
     refuted = write.define("refuted", chosen(wrong, sp.S.One, sp.S.Zero))
     sums.following["renewals"] = chosen(begun, renewals + moved, sp.S.Zero)
     old = sp.And(ends, steady < sp.S.Half, sums.done > LOOKS - sp.S.Half)

@@ -144,6 +144,7 @@ def refine(
     moves: sp.Matrix,
     turns: Sequence[sp.Matrix],
     segment: int,
+    lasting: Sequence[int],
 ) -> Refined:
     """Write the estimate.
 
@@ -170,17 +171,21 @@ def refine(
         Slope by the state of each candidate's change of the state over the tick.
     segment : int
         Ticks of a segment of the probes.
+    lasting : sequence of int
+        Candidates with a memory (lags, delays), by number from 0. Their response at another size has another
+        shape, so what their linearisation leaves is no evidence against them.
     """
     it = _Estimate(write, bank, plant, which, told, len(accelerations))
     it.choose(sized, accelerations)
     it.update()
     it.size(start, limits)
     it.predict(moves, turns)
-    unknown = chosen(which > len(bank.pushes) + sp.S.Half, sp.S.One, sp.S.Zero)
+    never = [which > len(bank.pushes) + sp.S.Half, *(sp.Abs(which - (j + 1)) < sp.S.Half for j in lasting)]
+    spared = chosen(sp.Or(*never), sp.S.One, sp.S.Zero)
     begins = write.define("estimate_begins", chosen(told < sp.S.Half, sp.S.One, it.anew))
     probes = write_probes(
         write, plant, [*accelerations, it.push], it.jolt, bank.C, it.M, it.away, it.variances, begins,
-        unknown, it.steady, segment, ERROR,
+        spared, it.steady, segment, ERROR,
     )  # fmt: skip
     it.begin(start, probes, after, segment)
     it.remember()

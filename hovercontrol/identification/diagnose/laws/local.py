@@ -1,12 +1,13 @@
 """A form must fit where it acts; what acts in one regime only is a function, or a form with a limit.
 
 For each named effect the flexible yardstick of its own signals is asked: if a function of them still gains
-significantly on left-out blocks (:mod:`.scan`), its form is wrong and it is no name. What an equation then
-lacks is taken as a function of the signal that tells most of it, zero where it does not act, so that all
-other coefficients are fitted where nothing is missing. A form of few numbers stands in its place if it is as
-likely. Both are laws, fitted, confirmed and held out like any other effect; beside a remainder that is not
-random they are asked what a law is asked there (:func:`.search.sound`). A function of a craft's place,
-heading or time says where something acts and not what: it is a region without a name.
+significantly on left-out blocks (:mod:`.scan`), its form is wrong, and the function takes its place. What an
+equation then lacks is taken as a function of the signal that tells most of it, zero where it does not act, so
+that all other coefficients are fitted where nothing is missing. A form of few numbers stands in its place if
+it is as likely. Both are laws, fitted, confirmed and held out like any other effect; beside a remainder that
+is not random they are asked what a law is asked there (:func:`.search.sound`). A function of a craft's place,
+heading or time says where something acts and not what: it is a region without a name. Laws everywhere are
+searched first.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 from hovercontrol.base.arrays import Array
-from hovercontrol.craft.effects.law import Law, TableLaw
+from hovercontrol.craft.effects.law import TableLaw
 from hovercontrol.identification.diagnose.criteria import CRITERIA, Criteria
 from hovercontrol.identification.diagnose.evidence.sensors import only_noise
 from hovercontrol.identification.diagnose.evidence.whiteness import random_remainder
@@ -43,7 +44,6 @@ def with_functions(
     model: Subject,
     data: Data | None,
     *,
-    early: bool = False,
     criteria: Criteria = CRITERIA,
     report: Callable[[str], None] = lambda what: None,
     trace: list[Decision] | None = None,
@@ -58,8 +58,6 @@ def with_functions(
         The given model.
     data : Data, optional
         The held-out logs; None if there are none.
-    early : bool, optional
-        Whether laws are searched afterwards: what is a law everywhere is left to that search.
     criteria, report, trace
         As for :func:`.select`.
     """
@@ -76,11 +74,9 @@ def with_functions(
     seen = _locals(final, criteria, rows)
     for local, along in function_names(final, seen, model, criteria, rows):
         t = _fitted(search, final, local, along)
-        if t is not None and early and isinstance(t.effect, Law) and t.effect.curve() is None:
-            return given
         if t is not None:
             final, added[t.name] = t.fit, local.among
-    unnamed = replace(found, selection=replace(found.selection, regions=tuple(one for one, _ in seen)))
+    unnamed = replace(given, selection=replace(given.selection, regions=tuple(one for one, _ in seen)))
     if not added:
         return unnamed
     more = _selected(search, found.selection, final, added)
