@@ -130,7 +130,6 @@ def decide(
     )
     write.define("raised", sp.Piecewise((0, latched > sp.S.Half), (alarm, True)))
     told = alarm > sp.S.Half
-    J = len(candidates)
     unknown = Signal("unknown", "1", "number of the equation with an unknown acceleration; 0: none")
     refuted = [Signal(f"refuted[{j}]", "1", f"1 if {c.name} is refuted") for j, c in enumerate(candidates)]
     lost = unknown.symbol > sp.S.Half
@@ -153,7 +152,7 @@ def decide(
         return write.define(name, sp.Piecewise(*pairs, (values[-1], True), evaluate=False))
 
     named = of_best("best", [sp.Integer(j + 1) for j, _ in at])
-    which = write.define("which", chosen(lost, J + unknown.symbol, named))
+    which = write.define("which", chosen(lost, len(candidates) + unknown.symbol, named))
     b = of_best("best_b", [bank.score[j][w] for j, w in at])
     info = sp.Max(of_best("best_J", [bank.information[j][w] for j, w in at]), 1e-300)
     of_best("best_window", [sp.Integer(w) for _, w in at])
@@ -162,9 +161,9 @@ def decide(
     start = Start(b / info, best, info, energy, len(channels) * age)
     refined = refine(
         write, bank, plant, which, alarm, start, after, limits, sized, accelerations, moves, turns, segment,
-        [j for j, c in enumerate(candidates) if c.memory or c.delay],
+        _lasting(candidates),
     )  # fmt: skip
-    number = chosen(lost, J + len(channels) + unknown.symbol, which)
+    number = chosen(lost, len(candidates) + len(channels) + unknown.symbol, which)
     outputs = _alarm_outputs(write, candidates, channels, dead, alarm, number)
     outputs[Signal("evidence", "1", "largest g; alarm above the threshold")] = best
     outputs |= _size_outputs(write, candidates, refined, which, told, age, period)
@@ -176,6 +175,11 @@ def decide(
     following = _refutations(refined, unknown, refuted, in_play, which, least)
     values = {s.name: e for s, e in outputs.items()}
     return Decision(tuple(outputs), values, alarm, refined, (unknown, *refuted), following)
+
+
+def _lasting(candidates: Sequence[Candidate]) -> list[int]:
+    """Return the numbers, from 0, of candidates with a memory: lags and delays."""
+    return [j for j, c in enumerate(candidates) if c.memory or c.delay]
 
 
 def _scores(
