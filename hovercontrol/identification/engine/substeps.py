@@ -39,14 +39,17 @@ class Within:
 
     def become(self, push: Array) -> Array:
         """Return the effect of added rates, shape (n, M, W), at the next rows, shape (K-1, W, n)."""
+        pushed = [j for j, one in enumerate(push) if one.any()]
         rows = len(self.steps.begin) - 1, push.shape[-1]
-        found = np.zeros((len(push), rows[0] * rows[1]))
+        return sum((self.carried(j, push[j : j + 1])[0] for j in pushed), np.zeros((*rows, len(push))))
+
+    def carried(self, j: int, rates: Array) -> Array:
+        """Return the effect of each of F rates of free state j, (F, M, W), at the next rows, (F, K-1, W, n)."""
+        rows, n = (len(self.steps.begin) - 1, rates.shape[-1]), len(self.response[0])
+        found = np.zeros((len(rates), rows[0] * rows[1], n))
         for group, response in zip(self.steps.groups, self.response, strict=True):
-            own = push[:, group.place, group.stretch]
-            for one, of in zip(own, response, strict=True):
-                if one.any():
-                    found[:, group.at] += (of * one).sum(axis=1)
-        return np.moveaxis(found.reshape(-1, *rows), 0, -1)
+            found[:, group.at] = np.einsum("isN,fsN->fNi", response[j], rates[:, group.place, group.stretch])
+        return found.reshape(len(rates), *rows, n)
 
 
 def within(fit: Fit) -> Within:

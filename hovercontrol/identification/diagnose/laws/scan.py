@@ -14,6 +14,7 @@ import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeAlias
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -177,8 +178,9 @@ def hats(values: Array, knots: Array) -> Array:
     >>> hats(np.array([0.0, 0.25, 5.0]), np.array([0.0, 1.0])).tolist()
     [[1.0, 0.75, 0.0], [0.0, 0.25, 1.0]]
     """
-    inside = np.clip(values, knots[0], knots[-1])
-    return np.stack([np.interp(inside, knots, row) for row in np.eye(knots.size)])
+    # the place of a value among the knots, counted from the first, and its distance from each of them
+    place = np.interp(values, knots, np.arange(knots.size))
+    return np.maximum(1.0 - np.abs(place - np.arange(knots.size).reshape(-1, *[1] * place.ndim)), 0.0)
 
 
 def yardsticks(fit: Fit, equations: Sequence[str]) -> tuple[Yardstick, ...]:
@@ -192,6 +194,10 @@ def yardsticks(fit: Fit, equations: Sequence[str]) -> tuple[Yardstick, ...]:
         States whose equations are asked about.
     """
     return tuple(Scan(fit, equation).yardstick() for equation in equations)
+
+
+#: The function of all signals that gains most in an equation of a fit.
+_BEST: WeakKeyDictionary[Fit, dict[str, list[tuple[Local, Array, Array]]]] = WeakKeyDictionary()
 
 
 class Scan:
@@ -222,13 +228,15 @@ class Scan:
         for e, form in zip(linear, self.along.forms(linear), strict=True):
             if np.ptp(form) > 0.0:
                 self.values[e.product[0].signal] = form
-        self._P = 0
+        self._of_all = only is None
+        self._P = fit.S.shape[-1]  # unknowns; none if coefficients are fixed
+        self._alone: float | None = None
         self._moving = [n for n in signals.moving if n in self.values]
 
     def yardstick(self) -> Yardstick:
         """Return the function that gains most, wherever it acts."""
         none = np.zeros(0)
-        for local, G, f in self._tried()[:1]:
+        for local, G, f in self._best():
             places, ridge = self._knots(local.of), self._ridge(G, f)
             prior = np.zeros(G.shape[1])
             prior[: self._P] = self.fit.prior.precision[: self._P]
@@ -239,9 +247,18 @@ class Scan:
             return Yardstick(f"{self.equation}'", signals, local.gain, places, theta, std)
         return Yardstick(f"{self.equation}'", (), 0.0, none, none, none)
 
-    def found(self, few: int = 1) -> list[Local]:
-        """Return the functions that gain most, the best first, each where it acts."""
-        return [self._placed(*one) for one in self._tried()[:few]]
+    def found(self) -> list[Local]:
+        """Return the function that gains most where it acts, or nothing."""
+        return [self._placed(*one) for one in self._best()]
+
+    def _best(self) -> list[tuple[Local, Array, Array]]:
+        """Return the function that gains most, or nothing; of all signals it is sought once a fit."""
+        if not self._of_all:
+            return self._tried()[:1]
+        known = _BEST.setdefault(self.fit, {})
+        if self.equation not in known:
+            known[self.equation] = self._tried()[:1]
+        return known[self.equation]
 
     def _tried(self) -> list[tuple[Local, Array, Array]]:
         """Return the functions that gain, the best first, with their products and scores."""
@@ -300,11 +317,11 @@ class Scan:
                 part.append(terms[at])
                 count += len(terms[at][2])
                 at += 1
-            columns = [self._factor(by) * hat for by, _, own in part for hat in own]
-            drive = np.moveaxis(np.stack([self.along.carried(self.equation, c) for c in columns]), 0, -1)
+            columns = np.concatenate([self._factor(by) * own for by, _, own in part])
+            drive = np.moveaxis(self.along.carried(self.equation, columns), 0, -1)
             system = augment(fit.problem, self.linear, fit.noise, more=[(drive, None)])
             every = fit.problem.rows.by_block(run_filter(system).products)
-            P = self._P = every.shape[-1] - 1 - len(columns)  # unknowns; none if coefficients are fixed
+            P = self._P
             first = 1 + P
             for by, of, own in part:
                 mine = [*range(1 + P), *range(first, first + len(own))]
@@ -328,8 +345,10 @@ class Scan:
         pull = np.r_[fit.prior.slope(fit.problem.inside(fit.p))[movable], np.zeros(len(own))]
         k = len(movable)
         G, f = G[:, rows][:, :, rows], f[:, rows]
-        alone = left_out_gain(G[:, :k, :k], f[:, :k], np.diag(prior[:k]), pull[:k]) if k else 0.0
-        return left_out_gain(G, f, np.diag(prior), pull) - alone
+        if self._alone is None:  # that of the unknowns is the same beside any hats
+            bare = G[:, :k, :k], f[:, :k], np.diag(prior[:k]), pull[:k]
+            self._alone = left_out_gain(*bare) if k else 0.0
+        return left_out_gain(G, f, np.diag(prior), pull) - self._alone
 
     def _size(self, G: Array) -> float:
         """Return the mean information on a hat."""

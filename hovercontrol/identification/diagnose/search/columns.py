@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
+from itertools import groupby, islice
 
 import numpy as np
 import sympy as sp
@@ -25,6 +26,9 @@ from hovercontrol.identification.engine.noise import Columns
 from hovercontrol.identification.engine.problem import Problem
 from hovercontrol.identification.engine.subject import Subject, followed_rate, rate_key, structure, timing
 from hovercontrol.identification.engine.substeps import within
+
+#: Forms that are carried to the next rows at a time.
+TOGETHER = 32
 
 
 def columns(fit: Fit, tried: Sequence[Candidate]) -> tuple[list[Columns], list[tuple[int, ...]]]:
@@ -132,8 +136,10 @@ class Along:
         effects : sequence of Effect
             Each adds a coefficient times a form to one equation; at their trial values.
         """
-        for e, form in zip(effects, self._forms_in_turn(effects), strict=True):
-            yield self.carried(e.equation, e.values["value"] * form)
+        own = zip(effects, self._forms_in_turn(effects), strict=True)
+        for equation, alike in groupby(own, key=lambda one: one[0].equation):
+            while part := [e.values["value"] * form for e, form in islice(alike, TOGETHER)]:
+                yield from self.carried(equation, np.stack(part))
 
     def _forms_in_turn(self, effects: Sequence[Effect]) -> list[Array]:
         """Return the form of each effect; one effect may be there several times, with other numbers."""
@@ -156,12 +162,13 @@ class Along:
         with np.errstate(all="ignore"):
             return [np.broadcast_to(f, self._t.shape) for f in function(self._t, x, u, every)]
 
-    def carried(self, equation: str, rate: Array) -> Array:
-        """Return what a rate of one state, (M, W), adds to the free states from row to row, (K-1, W, n)."""
+    def carried(self, equation: str, rates: Array) -> Array:
+        """Return what each of F rates of one state, (F, M, W), adds to the free states from row to row.
+
+        Shape (F, K-1, W, n).
+        """
         names = [s.name for s in self.problem.block.states]
-        added = np.zeros((len(self.problem.free), *self._t.shape))
-        added[self.problem.free.index(names.index(equation))] = rate
-        return self._within.become(added)
+        return self._within.carried(self.problem.free.index(names.index(equation)), rates)
 
     def _difference(self, model: Subject, values: Mapping[str, float]) -> Array | None:
         """Return the slopes of a model minus those of the fit, (n, M, W), from the changed terms alone.
