@@ -19,8 +19,8 @@ from hovercontrol.identification.engine.problem import Linear, Problem
 #: Largest step of an unknown whose logarithm is estimated.
 FARTHEST = 1.0
 
-#: Smallest pivot of the Cholesky factor of scaled normal equations that are solved as they are: the part of an
-#: unknown that no other stands for, so that rounding changes a solution by at most 2e-16 / 1e-10.
+#: Smallest pivot of the Cholesky factor of scaled normal equations that are solved as they are. Its square is
+#: the part of an unknown that no other stands for, so rounding changes a solution by some 2e-16 / 1e-10.
 REGULAR = 1e-5
 
 

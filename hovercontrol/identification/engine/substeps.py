@@ -44,7 +44,7 @@ class Within:
         return sum((self.carried(j, push[j : j + 1])[0] for j in pushed), np.zeros((*rows, len(push))))
 
     def carried(self, j: int, rates: Array) -> Array:
-        """Return the effect of each of F rates of free state j, (F, M, W), at the next rows, (F, K-1, W, n)."""
+        """Return the effect of each of F rates of state j, (F, M, W), at the next rows, (F, K-1, W, n)."""
         rows, n = (len(self.steps.begin) - 1, rates.shape[-1]), len(self.response[0])
         found = np.zeros((len(rates), rows[0] * rows[1], n))
         for group, response in zip(self.steps.groups, self.response, strict=True):
