@@ -73,10 +73,8 @@ def test_prose_may_change_and_cells_may_not(cells):
     assert not cells.up_to_date(page)
 
 
-def test_outputs_that_a_page_shows_are_of_its_cells(monkeypatch):
+def test_every_page_shows_the_outputs_of_its_cells(monkeypatch):
     monkeypatch.syspath_prepend(str(DOCS))
     from generate import cells
 
-    shown = [page for page in cells.pages() if cells.HASH.search(page.read_text(encoding="utf-8"))]
-    assert len(shown) > 20
-    assert [str(page) for page in shown if not cells.up_to_date(page)] == []
+    assert [str(page) for page in cells.pages() if not cells.up_to_date(page)] == []

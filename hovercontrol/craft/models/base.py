@@ -112,7 +112,7 @@ class EffectModel(ABC):
         """Return the largest magnitude of the input on which an input effect acts."""
 
     @abstractmethod
-    def timing(self) -> tuple[str, str]:
+    def timing(self) -> tuple[str, ...]:
         """Return the parameter names of the input delay and the measurement delay; ``""`` for none."""
 
     @abstractmethod
@@ -248,7 +248,7 @@ def rate_limit(owner: str, fastest: float | None) -> Signal | None:
 
 
 def delays_of(
-    timing: tuple[str, str], inputs: Iterable[Signal], values: Mapping[str, float]
+    timing: tuple[str, ...], inputs: Iterable[Signal], values: Mapping[str, float]
 ) -> dict[str, sp.Expr]:
     """Return the total delay from command to measurement: input delay plus delay of the measurements' clock.
 

@@ -17,12 +17,14 @@ from numpy.typing import ArrayLike
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError, check_known, did_you_mean
 from hovercontrol.blocks.block import Block
+from hovercontrol.blocks.delays import undelayed
 from hovercontrol.blocks.derivatives import linear_parameters, nonzero_parameters
 from hovercontrol.blocks.expressions import Expressions
 from hovercontrol.blocks.signals import Signal, time
 from hovercontrol.blocks.summary import block_line
 from hovercontrol.craft.effects import Effect, effect_class
 from hovercontrol.craft.effects.actuator import clipped
+from hovercontrol.craft.effects.command import InputDelay
 from hovercontrol.craft.effects.generic import generic_effects
 from hovercontrol.craft.effects.law import is_law, law_class
 from hovercontrol.craft.effects.measurement import TimeOffset
@@ -109,7 +111,7 @@ class BlockModel(EffectModel):
             object.__setattr__(self, "catalogue", tuple(self.catalogue))
             for name in self.catalogue:
                 self.effect_class(name)
-        self.block.need_prompt_inputs("a model")
+        self._refuse_delays()
         for s in (*self.block.states, *self.block.inputs, *self.block.parameters, *self.block.outputs):
             if s.name in TAKEN:
                 raise InputError(self.block.where(f"reserved signal name {s.name!r}: {TAKEN[s.name]}"))
@@ -118,6 +120,20 @@ class BlockModel(EffectModel):
         self._refuse_twice()
         if self.block.period:
             self._refuse_modes()
+
+    def _refuse_delays(self) -> None:
+        """Raise :class:`InputError` if the inputs are not all late by one parameter."""
+        block, found = self.block, set(self.block.delays.values())
+        if not found:
+            return
+        alike = len(found) == 1 and len(block.delays) == len(block.inputs)
+        if not alike or not found <= {p.symbol for p in block.parameters}:
+            block.need_prompt_inputs("a model whose inputs are not all late by one parameter")
+
+    @property
+    def _own_delay(self) -> str:
+        """Name of the Block's parameter by which all inputs are late; ``""`` for none."""
+        return next((str(delay) for delay in self.block.delays.values()), "")
 
     def _refuse_modes(self) -> None:
         for s in (*self.block.states, *self.block.inputs):
@@ -178,7 +194,7 @@ class BlockModel(EffectModel):
         """Everything that determines the plant except the values of coefficients other than the period."""
         block = self.block
         parameters = ((s.name, s.unit, s.nominal, s.lower, s.upper) for s in block.parameters)
-        expressions = (block.derivatives, block.output_expressions, block.definitions)
+        expressions = (block.derivatives, block.output_expressions, block.definitions, block.delays)
         return (
             self.name,
             (block.states, block.inputs, block.outputs, tuple(parameters), self.limited, block.period),
@@ -191,7 +207,8 @@ class BlockModel(EffectModel):
     def _generic(self) -> Mapping[str, type[Effect]]:
         """The effects made for the Block's own equations, inputs and outputs."""
         if not self.period:
-            return generic_effects(self.block)
+            found = generic_effects(undelayed(self.block))
+            return {n: c for n, c in found.items() if not (self._own_delay and c is InputDelay)}
         found = generic_effects(self._rate_form())
         return {name: cls for name, cls in found.items() if _fits_steps(cls)}
 
@@ -227,7 +244,7 @@ class BlockModel(EffectModel):
     def linear_coefficients(self) -> tuple[str, ...]:
         """Return the names of the coefficients in which the plant is linear, the Block's and the effects'."""
         linear = linear_parameters(self.block)
-        known = self.periods()
+        known = {*self.periods(), *(n for n, p in self._parameters.items() if p.name == self._own_delay)}
         own = (name for name, p in self._parameters.items() if p.name in linear and name not in known)
         return (*own, *self._linear_in_effects())
 
@@ -319,8 +336,8 @@ class BlockModel(EffectModel):
         shared = set(units.values())
         return {"thrust": shared.pop(), **units} if len(shared) == 1 else units
 
-    def timing(self, owner: str = "") -> tuple[str, str]:
-        """Return the parameter names of the input delay and the measurement delay; ``""`` for none.
+    def timing(self, owner: str = "") -> tuple[str, ...]:
+        """Return the parameter names of the input delay, the measurement delay and the Block's; ``""``: none.
 
         Parameters
         ----------
@@ -328,7 +345,7 @@ class BlockModel(EffectModel):
             Name of the Block.
         """
         _, way = self._way()
-        return str(way.delay or ""), str(self._seen().late or "")
+        return str(way.delay or ""), str(self._seen().late or ""), self._own_delay
 
     def _way(self, limited: bool = False) -> tuple[dict[Signal, sp.Expr], SimpleNamespace]:
         way = SimpleNamespace(
@@ -386,7 +403,8 @@ class BlockModel(EffectModel):
             If an effect acts on a state that does not exist, inputs would act before they are sent, or
             `fastest` is not positive.
         """
-        block = self._amended(late, fastest) if self.effects else self.block
+        plain = undelayed(self.block) if late else self.block
+        block = self._amended(late, fastest) if self.effects else plain
         return saturated(block) if (self.limited if limited is None else limited) else block
 
     def rates(self, fastest: float) -> Block:
@@ -412,7 +430,7 @@ class BlockModel(EffectModel):
 
     def _amended(self, late: bool, fastest: float | None, *, rates: bool = False) -> Block:
         """Return the Block with the effects, or, of a sampled Block, its rates with the effects."""
-        block = self._rate_form() if rates else self.block
+        block = self._rate_form() if rates else undelayed(self.block)
         step = Signal("period", "s", "sampling period", start=block.period) if block.period else None
         lags, way = self._way(limited=rates and self.limited)
         memory = self._remembered(way, lags, step) if step and not late else {}

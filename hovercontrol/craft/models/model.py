@@ -339,7 +339,7 @@ class Model(EffectModel):
         every = {s.name: getattr(seen, s.name) for s in MOTION}
         return {name: e for name, e in every.items() if e != getattr(seen.true, name)}
 
-    def timing(self, owner: str = "plant") -> tuple[str, str]:
+    def timing(self, owner: str = "plant") -> tuple[str, ...]:
         """Return the parameter names of the input delay and the measurement delay; ``""`` for none.
 
         No equation of the plant contains them: its inputs have delays (:attr:`Block.delays`), and readers of

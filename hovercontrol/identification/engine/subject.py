@@ -56,10 +56,10 @@ def followed_rate(step: float, tempo: float = 1.0) -> float:
     return min(FASTEST / tempo, FOLLOWED / max(step, 1e-9 * tempo))
 
 
-_TIMINGS: dict[tuple[object, ...], tuple[str, str]] = {}
+_TIMINGS: dict[tuple[object, ...], tuple[str, ...]] = {}
 
 
-def timing(model: Subject) -> tuple[str, str]:
+def timing(model: Subject) -> tuple[str, ...]:
     """Return the names of the parameters for the delays of a model's inputs and measurements; cached."""
     key = (type(model), *model.signature)
     if key not in _TIMINGS:

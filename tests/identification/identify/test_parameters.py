@@ -59,6 +59,35 @@ def test_what_the_user_knows_is_kept_and_said():
         hc.identify(cart(), [cart_log()], fixed=["m", "c"])
 
 
+def test_the_delay_of_a_block_is_a_parameter():
+    """Commands held for 20 samples of 20 ms reach a cart 0.12 s late: six samples."""
+    tau = hc.Signal("tau", "s", start=0.2, lower=0.0)
+    plain = cart()
+    late = hc.Block(
+        "cart", plain.states, plain.inputs, plain.outputs, (*plain.parameters, tau), plain.derivatives,
+        delays={"F": tau.symbol},
+    )  # fmt: skip
+
+    def log(seed):
+        sent = held(seed, 1000, 20, 0.3, 2.5)
+        acts = np.r_[np.zeros(6), sent[:-6]]
+        v = first_order(acts, 0.5, 0.5, 0.5, 0.02) + 0.004 * np.random.default_rng(9 + seed).normal(size=1000)
+        return hc.Log(f"log{seed}", 0.02 * np.arange(1000), {"v": v, "F": sent})
+
+    found = hc.identify(late, [log(1)])
+    for name, value in {"m": 2.0, "c": 1.0, "tau": 0.12}.items():
+        assert abs(found[name].value - value) < 3 * found[name].std < 0.02 * value
+    assert found.block.delays == late.delays
+    assert hc.diagnose(late, [log(1)], log(2)).verdict == "none"
+    other = hc.Signal("other", "s", start=0.1)
+    uneven = hc.Block(
+        "cart", plain.states, plain.inputs, plain.outputs, (*late.parameters, other), plain.derivatives,
+        delays={"F": tau.symbol + other.symbol},
+    )  # fmt: skip
+    with pytest.raises(InputError, match="not all late by one parameter"):
+        hc.identify(uneven, [log(1)])
+
+
 def test_a_start_at_which_the_equations_are_not_defined_is_refused():
     with pytest.raises(InputError, match="m = 0, where the equations are not defined"):
         hc.identify(cart(m=0.0), [cart_log()])
