@@ -27,6 +27,7 @@ __all__ = [
     "Signal",
     "time",
     "sgn",
+    "unknown",
     "interconnect",
     "rename",
     "prefix",

@@ -16,6 +16,7 @@ from .blocks.signals import Signal as Signal
 from .blocks.signals import time as time
 from .blocks.simulation.trajectory import simulate as simulate
 from .blocks.units import UnitError as UnitError
+from .blocks.unknown import unknown as unknown
 from .control.analysis.frequency import bode as bode
 from .control.analysis.frequency import nyquist as nyquist
 from .control.analysis.margins import margins as margins

@@ -93,18 +93,21 @@ def nonzero_parameters(block: Block) -> frozenset[str]:
     ['m']
     """
     names = [p.name for p in block.parameters]
-    found = set()
+    found: set[str] = set()
     for rows in ("derivatives", "outputs"):
         laws = block.derivatives if rows == "derivatives" else block.output_expressions
-        every = [(set(names), block.expand(e)) for e in laws.values()]
-        every += [
-            ({names[j]}, block.expand(e)) for (_, j), e in partial_derivatives(block, rows, names).items()
-        ]
-        for own, e in every:
-            for symbol in e.free_symbols:
-                if symbol.name in own and e.subs(symbol, 0).has(sp.zoo, sp.nan, sp.oo, sp.S.NegativeInfinity):
-                    found.add(symbol.name)
+        values = [block.expand(e) for e in laws.values()]
+        for (i, j), e in partial_derivatives(block, rows, names).items():
+            slope, own = block.expand(e), sp.Symbol(names[j], real=True)
+            if names[j] in found or own not in slope.free_symbols:  # linear: defined everywhere
+                continue
+            if any(f.subs(own, 0).has(*_UNDEFINED) for f in (values[i], slope)):
+                found.add(names[j])
     return frozenset(found)
+
+
+#: What an expression has where it is not defined.
+_UNDEFINED = (sp.zoo, sp.nan, sp.oo, sp.S.NegativeInfinity)
 
 
 @lru_cache(maxsize=256)

@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 import sympy as sp
 from numpy.typing import ArrayLike
+from scipy.interpolate import CubicSpline
 
 
 class Entries(sp.AtomicExpr):
@@ -206,3 +207,42 @@ def linear(x: sp.Expr, knots: ArrayLike, values: ArrayLike) -> sp.Expr:
     for knot, bend in zip(xs[:-1], bends[:-1], strict=True):
         total += bend * sp.Max(0, inside - knot)
     return total
+
+
+def cubic(x: sp.Expr, knots: ArrayLike, values: Sequence[Any]) -> sp.Expr:
+    """Return the cubic spline through knots; constant outside them, and linear in the values.
+
+    Parameters
+    ----------
+    x : sympy.Expr
+        Dimensionless.
+    knots : array_like, shape (n,)
+        Increasing, at least four.
+    values : sequence of sympy.Expr or float
+        Values at the knots, all in the same unit.
+
+    Examples
+    --------
+    >>> x, a = sp.symbols("x a", real=True)
+    >>> found = cubic(x, [0, 1, 2, 3], [0, a, 2 * a, 3 * a])
+    >>> [float(found.subs({x: at, a: 5})) for at in (-1, 0.5, 2.5, 9)]
+    [0.0, 2.5, 12.5, 15.0]
+    """
+    # y = y_0 + s_0 (z - x_0) + q_0 (z - x_0)^2 + sum_k d_k max(z - x_k, 0)^3 / 6, z = min(max(x, x_0), x_n):
+    # slope s_0 and half the curvature q_0 at the first knot, jump d_k of the third derivative at each knot,
+    # none at the second and the last but one (de Boor, A Practical Guide to Splines, IV)
+    xs = np.asarray(knots, dtype=float)
+    unit = CubicSpline(xs, np.eye(xs.size))  # of values (0 ... 1 ... 0), one column each
+    jumps = np.diff(6.0 * unit.c[0], axis=0, prepend=0.0)
+    z = sp.Min(sp.Max(x, xs[0]), xs[-1])
+
+    def combined(weights: Any) -> sp.Expr:
+        return sp.Add(*(float(w) * y for w, y in zip(weights, values, strict=True)))
+
+    slope, curve = combined(unit.c[2][0]), combined(unit.c[1][0])
+    bends = (
+        combined(d) * sp.Max(z - knot, 0) ** 3 / 6
+        for knot, d in zip(xs[:-1], jumps, strict=True)
+        if np.abs(d).max() > 1e-9 * np.abs(jumps).max()
+    )
+    return values[0] + slope * (z - xs[0]) + curve * (z - xs[0]) ** 2 + sp.Add(*bends)

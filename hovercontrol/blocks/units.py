@@ -19,6 +19,7 @@ from hovercontrol.base.errors import InputError, shown
 from hovercontrol.blocks.lookup import entry
 from hovercontrol.blocks.sgn import sgn
 from hovercontrol.blocks.unitsyntax import parse_unit, registry
+from hovercontrol.blocks.unknown_function import UnknownFunction
 
 BASE = ("kg", "m", "s", "A", "K", "mol", "cd")  #: SI base units, in FMI's order (``rad`` apart)
 _PINT_NAMES = ("[mass]", "[length]", "[time]", "[current]", "[temperature]", "[substance]", "[luminosity]")
@@ -238,6 +239,10 @@ class DimensionChecker:
             for _, condition in e.args:
                 self(condition)
             return self._common(e, [value for value, _ in e.args])
+        if isinstance(e, UnknownFunction):
+            for argument in e.arguments:
+                self(argument)
+            return dimension(e.unit)
         self._check_dimensionless(e)
         return DIMENSIONLESS
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from types import SimpleNamespace
@@ -30,6 +30,7 @@ from hovercontrol.craft.effects.law import is_law, law_class
 from hovercontrol.craft.effects.measurement import TimeOffset
 from hovercontrol.craft.models.actuated import saturated
 from hovercontrol.craft.models.base import EffectModel, as_measured, delays_of, effect_lines, rate_limit
+from hovercontrol.craft.models.functions import KnownFunction
 from hovercontrol.craft.models.rates import equals_period, late_inputs, next_value, rate_form
 
 #: Names that a signal may not have, and why.
@@ -62,6 +63,8 @@ class BlockModel(EffectModel):
     period_parameter : str, optional
         Name of the parameter that is the sampling period, ``""`` if none is. Default: the parameter in
         seconds with the value of the period, if there is only one.
+    functions : tuple of TableFunction or FormFunction
+        What stands in the Block in place of its unknown functions (:meth:`with_functions`).
 
     Raises
     ------
@@ -101,6 +104,7 @@ class BlockModel(EffectModel):
     effects: tuple[Effect, ...] = field(default=())
     limited: bool = False
     period_parameter: str | None = None
+    functions: tuple[KnownFunction, ...] = field(default=(), repr=False)
 
     def __repr__(self) -> str:
         return "\n".join([f"BlockModel of {block_line(self.block)}", *effect_lines(self.effects)])
@@ -251,10 +255,11 @@ class BlockModel(EffectModel):
     def free_coefficients(self) -> tuple[str, ...]:
         """Return the Block's parameters, linear or not, and the effects' linear coefficients.
 
-        A parameter that is the sampling period is not among them.
+        A parameter that is the sampling period, or whose bounds leave one value, is not among them.
         """
         known = self.periods()
-        return (*(name for name in self._parameters if name not in known), *self._linear_in_effects())
+        own = (n for n, p in self._parameters.items() if n not in known and p.lower < p.upper)
+        return (*own, *self._linear_in_effects())
 
     def sign_keeping(self) -> frozenset[str]:
         """Return the Block's parameters that are not zero, by their bounds or for the equations."""
@@ -307,6 +312,18 @@ class BlockModel(EffectModel):
         own = {name: value for name, value in values.items() if name not in added}
         effects = self._renumbered_effects(values)
         return replace(self, block=self.block.with_values(own), effects=effects)
+
+    def with_functions(self, functions: Sequence[KnownFunction]) -> BlockModel:
+        """Return the model with tables or forms in place of its unknown functions."""
+        block = self.block
+        for function in functions:
+            block = function.filled(block)
+        return replace(self, block=block, functions=(*self.functions, *functions))
+
+    def fitted_functions(self) -> tuple[KnownFunction, ...]:
+        """Return what stands in place of unknown functions, with the model's values."""
+        values = self.coefficients()
+        return tuple(f.with_numbers(values) for f in self.functions)
 
     def input_units(self) -> dict[str, str]:
         """Return the unit of each input."""

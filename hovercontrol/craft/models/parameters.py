@@ -1,7 +1,8 @@
 """The parameter file: fitted values of a model that is written in Python, as TOML.
 
 A craft is saved as a model file. The equations of an own Block stay in their Python file; the parameter file
-has the values of its coefficients and the added effects.
+has the values of its coefficients, the added effects, and what stands in place of its unknown functions
+(:mod:`.functions`).
 
 .. code-block:: toml
 
@@ -30,6 +31,7 @@ from hovercontrol.base.files import write_atomically
 from hovercontrol.base.tables import check_keys, number, read_toml, table, text
 from hovercontrol.craft.effects import Effect
 from hovercontrol.craft.models.blockmodel import BlockModel
+from hovercontrol.craft.models.functions import known_function
 from hovercontrol.craft.models.interface import AnyModel, as_model
 from hovercontrol.craft.models.model import Model
 from hovercontrol.craft.models.modelfile import effect_text, save_model
@@ -65,11 +67,15 @@ def save_parameters(model: AnyModel, path: str | Path) -> Path:
     subject = as_model(model)
     added = {e.parameter(key) for e in subject.effects for key in e.numbers}
     block = subject.plant(late=True)
+    functions = subject.fitted_functions() if isinstance(subject, BlockModel) else ()
+    added |= {name for f in functions for name in (*f.parameters, *f.scales)}
     lines = ["[model]", f"name = {json.dumps(subject.name, ensure_ascii=False)}"]
     own = {name: value for name, value in subject.coefficients().items() if name not in added}
     if own:
         lines += ["", "[coefficients]"]
         lines += [f"{_key(n)} = {v!r}  # {block.parameter(n).unit or '1'}" for n, v in own.items()]
+    for f in functions:
+        lines += ["", f"[functions.{_key(f.of.name)}]", *f.lines()]
     if subject.effects:
         lines += ["", "[effects]", *(f"{_key(e.name)} = {effect_text(e)}" for e in subject.effects)]
     content = "\n".join(lines) + "\n"
@@ -125,12 +131,17 @@ def save_fitted(model: Model | BlockModel, folder: Path) -> Path:
 
 
 def _with(model: Model | BlockModel, content: dict[str, Any]) -> Model | BlockModel:
-    check_keys("section", content, ("model", "coefficients", "effects"))
+    check_keys("section", content, ("model", "coefficients", "functions", "effects"))
     head = table("[model]", content.get("model", {}))
     check_keys("key in [model]", head, ("name",))
     name = text("model.name", head.get("name", model.name))
     if name != model.name:
         raise InputError(f"model.name: expected {shown(model.name)}, found {shown(name)}")
+    functions = table("[functions]", content.get("functions", {}))
+    for key, value in functions.items():
+        if not isinstance(model, BlockModel):
+            raise InputError(f"functions.{key}: {model.name!r} has no unknown functions")
+        model = model.with_functions([known_function(model.block, key, table(f"functions.{key}", value))])
     effects = table("[effects]", content.get("effects", {}))
     values = table("[coefficients]", content.get("coefficients", {}))
     numbers = {key: number(f"coefficients.{key}", value) for key, value in values.items()}

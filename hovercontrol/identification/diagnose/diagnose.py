@@ -12,6 +12,7 @@ from threadpoolctl import threadpool_limits
 from hovercontrol.base.arguments import at_least
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError
+from hovercontrol.craft.models.blockmodel import BlockModel
 from hovercontrol.craft.models.interface import AnyModel, as_model
 from hovercontrol.fmi.replay.plant import FmuPlant
 from hovercontrol.identification.diagnose.checks import as_logs, check_fitted, check_logs
@@ -33,6 +34,9 @@ from hovercontrol.identification.diagnose.search.candidates import left_out
 from hovercontrol.identification.diagnose.search.fit import Made
 from hovercontrol.identification.diagnose.search.searched import searched
 from hovercontrol.identification.diagnose.search.trace import Decision
+from hovercontrol.identification.diagnose.unknown.forms import likeliest, named_forms, rivals_of
+from hovercontrol.identification.diagnose.unknown.function import FittedFunction
+from hovercontrol.identification.diagnose.unknown.tables import constants, tabulated, with_constants
 from hovercontrol.identification.diagnose.verdict import verdict_of
 from hovercontrol.identification.engine.data import Data, gather
 from hovercontrol.identification.engine.feedback import fed_back
@@ -162,8 +166,11 @@ def _diagnosed(
     report: Callable[[float, str], None],
 ) -> Diagnosis:
     report(0.0, "reading the measurements")
-    warnings = [*assumed, *left_out(model, names), *check_logs(model, logs, holdout)]
-    data, free = gather(model, logs), [name for name in unknowns(model) if name not in fixed]
+    computed = with_constants(model)
+    warnings = [*assumed, *left_out(computed, names), *check_logs(computed, logs, holdout)]
+    data = gather(computed, logs)
+    model, functions = _filled(model, data, fixed, report)
+    free = [name for name in unknowns(model) if name not in fixed]
     report(0.05, "fitting the model as it is")
     try:
         base = base_fit(model, data, free)
@@ -195,12 +202,12 @@ def _diagnosed(
     base, final = selection.base, selection.final  # a search may find a likelier fit of the given model
     remains = remainders(base, final)
     slow = slow_errors(final)
-    verdict = verdict_of(selection, [*remains, *slow])
+    verdict = verdict_of(selection, [*remains, *slow], open_=any(rivals_of(f) for f in functions))
     effects = numbers_of(final, selection.effects)
     report(0.96, "searching for the next experiment")
     lacking = [r.equation.removesuffix("'") for r in remains if r.there]
     tellable = yardsticks(final, lacking)
-    experiment, advice = next_experiment(selection, effects, seed)
+    experiment, advice = next_experiment(selection, effects, functions, seed)
     warnings += switched_off(model, final.model, selection.effects)
     missing = missing_forces(base)
     train_before = gap(base)
@@ -214,6 +221,7 @@ def _diagnosed(
         slow_errors=slow,
         leads=selection.leads,
         yardsticks=tellable,
+        functions=functions,
         model=model,
         amended=final.model,
         refitted=base.model,
@@ -237,6 +245,21 @@ def _diagnosed(
     )
     report(1.0, "done")
     return found
+
+
+def _filled(
+    model: Subject, data: Data, fixed: Sequence[str], report: Callable[[float, str], None]
+) -> tuple[Subject, tuple[FittedFunction, ...]]:
+    """Return a model with the likeliest form in place of each unknown function, and these functions."""
+    if not isinstance(model, BlockModel) or not constants(model):
+        return model, ()
+    names = [name for name in unknowns(model) if name not in fixed]
+    try:
+        fit, tables = tabulated(model, data.joined, names, lambda what: report(0.02, what))
+    except FloatingPointError as error:
+        raise InputError(f"{model.name!r}: {error}: try other start values") from error
+    functions = named_forms(model, fit, tables, lambda what: report(0.03, what))
+    return likeliest(model, functions, tables), functions
 
 
 def _dropped(data: Data, fit: Fit) -> int:

@@ -30,6 +30,7 @@ from hovercontrol.identification.diagnose.places import acts_in, place_of, place
 from hovercontrol.identification.diagnose.search.confirm import Rival, Selection
 from hovercontrol.identification.diagnose.search.leads import Lead
 from hovercontrol.identification.diagnose.search.trace import Decision, decisions_about
+from hovercontrol.identification.diagnose.unknown.function import FittedFunction
 from hovercontrol.identification.diagnose.verdict import Verdict
 from hovercontrol.identification.engine.fit import Fit
 from hovercontrol.identification.engine.groups import Group
@@ -137,6 +138,9 @@ class Diagnosis:
         Every decision of the search, in order.
     yardsticks : tuple of Yardstick
         For each equation with a remainder: how much any law of a few signals could still take.
+    functions : tuple of FittedFunction
+        The model's unknown functions (:func:`hovercontrol.unknown`): as tables, and the forms they may have.
+        `model` has the likeliest form in place of each.
 
     Examples
     --------
@@ -183,6 +187,7 @@ class Diagnosis:
     advice: str = ""
     trace: tuple[Decision, ...] = ()
     yardsticks: tuple[Yardstick, ...] = ()
+    functions: tuple[FittedFunction, ...] = ()
 
     def taken(self, equation: str) -> float:
         """Return the gain of the named effects that act in an equation or on commands.
@@ -226,6 +231,7 @@ class Diagnosis:
         return {
             "verdict": self.verdict,
             "effects": self._effects(),
+            "functions": [f.result() for f in self.functions],
             "coefficients": [asdict(c) for c in self.coefficients],
             "groups": [{"name": g.name, "value": g.value, "std": g.std, "unit": g.unit} for g in self.groups],
             "rivals": [
@@ -353,11 +359,12 @@ class Diagnosis:
             **unnamed,
         }
 
-    def sentences(self) -> tuple[str, str, str]:
-        """Return a sentence each on the missing effects, the reduced held-out error, and the remainder."""
+    def sentences(self) -> tuple[str, ...]:
+        """Return sentences on unknown functions, missing effects, the held-out error, and the remainder."""
         from hovercontrol.identification.diagnose.report import gap_sentence, headline, remainder_sentence
 
-        return headline(self), gap_sentence(self), remainder_sentence(self)
+        found = (f.sentence() for f in self.functions)
+        return *found, headline(self), gap_sentence(self), remainder_sentence(self)
 
     def __repr__(self) -> str:
         return "\n".join((f"Diagnosis of {self.model.name!r}: {self.verdict}", *self.sentences()))

@@ -12,9 +12,17 @@ from hovercontrol.identification.diagnose.search.confirm import Selection
 Verdict = Literal["effect", "none", "ambiguous", "partial", "unexplained"]
 
 
-def verdict_of(selection: Selection, remainders: Sequence[Remainder | SlowError]) -> Verdict:
-    """Return the verdict on a selection; see :func:`verdict`."""
-    rivals = any(not r.same for r in selection.rivals)
+def verdict_of(
+    selection: Selection, remainders: Sequence[Remainder | SlowError], *, open_: bool = False
+) -> Verdict:
+    """Return the verdict on a selection; see :func:`verdict`.
+
+    Parameters
+    ----------
+    open_ : bool, optional
+        Whether an unknown function may have one of several forms.
+    """
+    rivals = open_ or any(not r.same for r in selection.rivals)
     return verdict(bool(selection.effects), rivals, any(r.there for r in remainders))
 
 
@@ -25,7 +33,8 @@ def verdict(named: bool, rivals: bool, remains: bool) -> Verdict:
     none        no effect is missing
     effect      effects are named, and only noise remains
     partial     effects are named, and a remainder is left that no known effect explains
-    ambiguous   one of several effects is missing; the logs do not distinguish them
+    ambiguous   one of several effects is missing, or an unknown function has one of several forms; the
+                logs do not distinguish them
     unexplained something is missing, but no effect can be named
     =========== =================================================================================
     """

@@ -22,11 +22,20 @@ from hovercontrol.base.arguments import at_least
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError
 from hovercontrol.blocks.block import Block
+from hovercontrol.craft.models.blockmodel import BlockModel
+from hovercontrol.craft.models.functions import TableFunction
 from hovercontrol.craft.models.interface import AnyModel, as_model
 from hovercontrol.fmi.replay.plant import FmuPlant
 from hovercontrol.identification.diagnose.coefficients import Reading
 from hovercontrol.identification.diagnose.criteria import CRITERIA
 from hovercontrol.identification.diagnose.search.base import base_fit, likelier_start
+from hovercontrol.identification.diagnose.unknown.tables import (
+    constants,
+    fitted_functions,
+    sizes,
+    tabulated,
+    with_constants,
+)
 from hovercontrol.identification.engine.data import Data, gather
 from hovercontrol.identification.engine.excitation import Excitation
 from hovercontrol.identification.engine.fit import Fit, refit, scored
@@ -138,7 +147,9 @@ def identify(
     model, assumed = with_known_period(as_model(model), coefficients, fixed)
     for line in assumed:
         warnings.warn(line, stacklevel=3)
-    names, kept = chosen(model, coefficients, fixed), named(model, fixed)
+    given, tables = model, constants(model)
+    model, filled = with_constants(model), [p for t in tables for p in t.parameters]
+    names, kept = chosen(model, coefficients, fixed, filled), named(model, fixed)
     if not logs:
         raise InputError("identification needs at least one log")
     if model.is_craft:
@@ -147,8 +158,12 @@ def identify(
     measured = measure_shared(model, logs, most_rows)
     with threadpool_limits(1, "blas"):  # with many small matrices BLAS threads would wait for each other
         data = gather(model, measured).joined
-        fit = _fitted(model, data, names, report)
-        found = _identified(model, names, kept, data, fit, report)
+        if tables and isinstance(given, BlockModel):
+            fit, tables = _with_functions(given, data, names, report)
+            model, names = fit.problem.model, fit.problem.names
+        else:
+            fit = _fitted(model, data, names, report)
+        found = _identified(model, names, kept, data, fit, tables, report)
     report(1.0, "done")
     return found
 
@@ -229,6 +244,21 @@ def _fitted(
         raise InputError(f"{model.name!r}: {error}: try other start values") from error
 
 
+def _with_functions(
+    model: BlockModel, data: Data, names: Sequence[str], report: Callable[[float, str], None]
+) -> tuple[Fit, tuple[TableFunction, ...]]:
+    done = [0]
+
+    def said(what: str) -> None:
+        done[0] += 1
+        report(0.7 * (1 - 0.7 ** done[0]), what)
+
+    try:
+        return tabulated(model, data, names, said)
+    except FloatingPointError as error:
+        raise InputError(f"{model.name!r}: {error}: try other start values") from error
+
+
 def _without_noise(fit: Fit, passed: Callable[[str], None]) -> Fit:
     """Return the fit without process noise if all of it is negligible and not significant.
 
@@ -251,12 +281,11 @@ def _identified(
     fixed: Sequence[str],
     data: Data,
     fit: Fit,
+    tables: Sequence[TableFunction],
     report: Callable[[float, str], None],
 ) -> Identified:
     problem, subject = fit.problem, as_model(model)
-    nominal = subject.nominal_sizes()
-    size = np.maximum([nominal[name] for name in problem.names], np.abs(fit.p) / 4)
-    shown = Excitation(fit, size)
+    shown = Excitation(fit, sizes(fit, tables))
     other = trust(fit, np.sqrt(np.diag(shown.covariance)), fixed, lambda what: report(0.8, what))
     readings = [other.readings.get(name, ()) for name in names]
     found = tuple(_coefficient(fit, shown, j, readings[j]) for j in range(len(names)))
@@ -293,6 +322,7 @@ def _identified(
             Fitted(g.name, g.value, g.std, g.unit, g.of(starts), noise_std=g.std) for g in shown.groups
         ),
         kept=_kept(fit, fixed),
+        functions=fitted_functions(fit, tables, shown.covariance),
     )
 
 
@@ -305,9 +335,10 @@ def _kept(fit: Fit, fixed: Sequence[str]) -> tuple[Fitted, ...]:
     for name, value in problem.model.coefficients().items():
         if name in problem.names or name in problem.same:
             continue
+        signal = problem.block.parameter(name)
         why = "by you" if name in fixed or name in free else "shape of an effect: fitted if named"
         why = why if name in free or name in shapes else "the sampling period"
-        unit = problem.block.parameter(name).unit
+        why, unit = why if signal.lower < signal.upper else "its bounds leave one value", signal.unit
         found.append(Fitted(name.rpartition(".")[2], value, 0.0, unit, value, kept=why))
     return tuple(found)
 

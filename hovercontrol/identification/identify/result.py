@@ -26,6 +26,7 @@ from hovercontrol.craft.models.blockmodel import BlockModel
 from hovercontrol.craft.models.model import Model
 from hovercontrol.craft.models.physical import BODY, carried_by
 from hovercontrol.identification.diagnose.coefficients import Reading
+from hovercontrol.identification.diagnose.unknown.function import FittedFunction
 from hovercontrol.identification.engine.fit import Fit
 
 if TYPE_CHECKING:
@@ -215,6 +216,8 @@ class Identified:
         Products and sums of coefficients that the logs determine though they determine no member alone.
     kept : tuple of Fitted
         Coefficients that the fit did not estimate, each with the reason.
+    functions : tuple of FittedFunction
+        The unknown functions of the model (:func:`hovercontrol.unknown`), as tables.
 
     Examples
     --------
@@ -253,6 +256,7 @@ class Identified:
     gain: float = 0.0
     groups: tuple[Fitted, ...] = ()
     kept: tuple[Fitted, ...] = ()
+    functions: tuple[FittedFunction, ...] = ()
 
     def __getitem__(self, name: str) -> Fitted:
         every = {row.name: row for row in (*self.groups, *self.kept, *self.coefficients)}
@@ -356,6 +360,8 @@ class Identified:
         equations = [
             (r.equation, f"{r.rms:.3g}", f"{r.seen:.3g}", r.unit, percent(r.share)) for r in self.remaining
         ]
+        for function in self.functions:
+            lines += ["", *function.lines()]
         lines += self._in_newtons()
         lines += ["", *aligned([("channel", "residual", "noise", "unit"), *channels])]
         if equations:

@@ -9,7 +9,9 @@ from hovercontrol.craft.models.interface import AnyModel, as_model
 from hovercontrol.identification.engine.subject import named
 
 
-def chosen(model: AnyModel, names: Sequence[str] | None, fixed: Sequence[str] = ()) -> tuple[str, ...]:
+def chosen(
+    model: AnyModel, names: Sequence[str] | None, fixed: Sequence[str] = (), filled: Sequence[str] = ()
+) -> tuple[str, ...]:
     """Return the names of the coefficients to estimate, as the model names them.
 
     Parameters
@@ -19,6 +21,8 @@ def chosen(model: AnyModel, names: Sequence[str] | None, fixed: Sequence[str] = 
         parameters of a Block.
     fixed : sequence of str, optional
         Names of coefficients that keep their values.
+    filled : sequence of str, optional
+        Parameters of tables in place of unknown functions, which are always estimated and not returned.
 
     Raises
     ------
@@ -32,8 +36,8 @@ def chosen(model: AnyModel, names: Sequence[str] | None, fixed: Sequence[str] = 
     both = [name for name in found if name in kept] if names is not None else []
     if both:
         raise InputError(f"coefficient {both[0]!r} is to be fitted and fixed")
-    found = tuple(name for name in found if name not in kept)
-    if not found:
+    found = tuple(name for name in found if name not in (*kept, *filled))
+    if not found and not filled:
         raise InputError(
             f"{model.name!r} has no coefficients to identify{' that are not fixed' if kept else ''}"
         )

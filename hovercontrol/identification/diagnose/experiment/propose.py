@@ -23,6 +23,8 @@ from hovercontrol.identification.diagnose.evidence.traces import runs_of, simula
 from hovercontrol.identification.diagnose.experiment.manoeuvres import Manoeuvre, family, reach
 from hovercontrol.identification.diagnose.experiment.proposal import Experiment
 from hovercontrol.identification.diagnose.search.confirm import Selection
+from hovercontrol.identification.diagnose.unknown.forms import rivals_of
+from hovercontrol.identification.diagnose.unknown.function import FittedFunction
 from hovercontrol.identification.engine.data import Data
 from hovercontrol.identification.engine.fit import Fit, estimate
 from hovercontrol.identification.engine.kalman import run_filter
@@ -66,7 +68,7 @@ PROPOSAL = ProposalCriteria()
 
 
 def next_experiment(
-    selection: Selection, effects: Sequence[Found], seed: int = 0
+    selection: Selection, effects: Sequence[Found], functions: Sequence[FittedFunction] = (), seed: int = 0
 ) -> tuple[Experiment | None, str]:
     """Return the next experiment and a sentence on it; None and an empty text if none is needed.
 
@@ -74,6 +76,8 @@ def next_experiment(
     ----------
     effects : sequence of Found
         Parameters of the named effects.
+    functions : sequence of FittedFunction, optional
+        Unknown functions, with their forms.
     seed : int, optional
         Of the manoeuvres drawn at random.
     """
@@ -84,6 +88,11 @@ def next_experiment(
         rival = apart[0]
         found = separate(final, rival.fit, (rival.instead_of, rival.name), seed=seed)
         return (None, found) if isinstance(found, str) else (found, found.text)
+    for f in functions:
+        for other in rivals_of(f)[:1]:
+            best = f.forms[0]
+            found = separate(best.fit, other.fit, (f"{f.name} = {best.text}", other.text), seed=seed)
+            return (None, found) if isinstance(found, str) else (found, found.text)
     if selection.rivals:
         return None, same_time((selection.rivals[0].instead_of, selection.rivals[0].name))
     numbers = [

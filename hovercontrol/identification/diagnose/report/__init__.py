@@ -14,6 +14,7 @@ from hovercontrol.identification.diagnose.report.context import collect
 from hovercontrol.identification.diagnose.report.equations import coefficients, equations
 from hovercontrol.identification.diagnose.report.evidence_section import evidence, holdout
 from hovercontrol.identification.diagnose.report.free_run_section import free_runs
+from hovercontrol.identification.diagnose.report.functions_section import functions
 from hovercontrol.identification.diagnose.report.page import page
 from hovercontrol.identification.diagnose.report.remainder_section import remainder
 from hovercontrol.identification.diagnose.report.rivals_section import rivals_section
@@ -63,8 +64,8 @@ def write_report(diagnosis: Diagnosis, path: str | Path, *, command: str = "") -
     with threadpool_limits(1, "blas"):  # as in diagnose
         m = collect(diagnosis, command)
         sections = [
-            verdict(m), equations(m), evidence(m), holdout(m), free_runs(m), remainder(m), rivals_section(m),
-            coefficients(m), appendix(m),
+            verdict(m), functions(m), equations(m), evidence(m), holdout(m), free_runs(m), remainder(m),
+            rivals_section(m), coefficients(m), appendix(m),
         ]  # fmt: skip
     text = page(headline(diagnosis), sections)
     return write_atomically(path, lambda target: target.write_text(text, encoding="utf-8"))

@@ -17,6 +17,7 @@ from hovercontrol.identification.diagnose.laws.scan import Yardstick
 from hovercontrol.identification.diagnose.report.formatting import prime, small, times, unit
 from hovercontrol.identification.diagnose.report.free_run import FreeRun
 from hovercontrol.identification.diagnose.report.templates import render
+from hovercontrol.identification.diagnose.unknown.function import FittedFunction
 
 #: Length of the part of a log shown with runs of the model [s], and number of logs with their own colour.
 SPAN, COLOURS = 20.0, 4
@@ -172,6 +173,16 @@ def over_signal(yardstick: Yardstick, force_unit: str, signal_unit: str) -> str:
     plot.band(at, force - 2 * std, force + 2 * std, "after")
     plot.line(at, force, "after")
     return plot.svg(_bracketed(force_unit), f"{yardstick.signals[0]} {_bracketed(signal_unit)}".strip())
+
+
+def function(f: FittedFunction) -> str:
+    """Return a plot of an unknown function: its table with two standard errors, and its likeliest form."""
+    limits = bounds([f.values - 2 * f.std, f.values + 2 * f.std])
+    plot = Plot((float(f.grid[0]), float(f.grid[-1])), limits, f"{f.name}({f.argument})", (360.0, 190.0))
+    plot.band(f.grid, f.values - 2 * f.std, f.values + 2 * f.std, "before")
+    plot.dots(f.grid, f.values, np.zeros(f.grid.size), "before")
+    plot.line(f.forms[0].at, f.forms[0].values, "after")
+    return plot.svg(_bracketed(f.unit), f"{f.argument} {_bracketed(f.argument_unit)}".strip())
 
 
 def floor_map(title: str, x: Array, y: Array, force: Array, label: str, kind: str) -> str:

@@ -38,7 +38,7 @@ MEANS = {
     "none": "nothing is missing beyond noise",
     "effect": "named, and nothing remains beyond noise",
     "partial": "named, and something remains",
-    "ambiguous": "one of several effects",
+    "ambiguous": "one of several effects or forms",
     "unexplained": "something is missing, no known effect explains it",
 }
 
@@ -87,7 +87,7 @@ def headline(d: Diagnosis) -> str:
     if d.effects:
         said = [_named(d, name, numbers) for name, numbers in numbers_by_effect(d).items()]
         return f"Missing: {'; '.join(said)}."
-    if d.verdict == "none":
+    if not (any(r.there for r in d.remainders) or any(s.there for s in d.slow_errors)):
         return "Missing: nothing beyond noise."
     nearest = [_lead(lead) for lead in d.leads[: SIGNIFICANCE.nearest] if lead.gain > CRITERIA.least]
     came = f"; nearest {'comes' if len(nearest) == 1 else 'come'} {listed(nearest)}" if nearest else ""
@@ -253,7 +253,8 @@ def remainder_sentence(d: Diagnosis) -> str:
 def verdict(m: Context) -> str:
     """Return the first section of the page: the sentences, with bars of the error."""
     d = m.diagnosis
-    said = [_explained(d.amended.effect(n)) for n in numbers_by_effect(d)]
+    said = [f.sentence() for f in d.functions]
+    said += [_explained(d.amended.effect(n)) for n in numbers_by_effect(d)]
     said += [_explained(r.fit.model.effect(r.name)) for r in d.rivals if not r.same]
     said += _in_several_equations(d)
     if d.verdict == "none":
