@@ -60,6 +60,7 @@ __all__ = [
     "check",
     "identify",
     "diagnose",
+    "fleet",
     "fmu_plant",
     "FmuPlant",
     # controllers, references, estimators

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from hovercontrol.craft.models.model import Model
     from hovercontrol.fmi.replay.plant import FmuPlant
     from hovercontrol.logs import Log
+    from hovercontrol.logs.reader import Reader
 
 Out = Annotated[
     Path | None,
@@ -336,31 +337,22 @@ def reader(
     *,
     missing: str = "",
     trial: str = "",
-) -> Callable[[str], Log]:
+) -> Reader:
     """Return a function that reads logs by the options of a command; without a model all columns are read."""
-    from hovercontrol.logs import BenchTable, Condition, gather
-    from hovercontrol.logs.frames import in_z_up
+    from hovercontrol.logs import BenchTable, Condition
+    from hovercontrol.logs.reader import Reader
 
-    known = readable_model(model)
-    table = BenchTable.from_csv(bench, fans=bench_fans) if bench else None
-    condition = Condition.parse(only_while) if only_while else None
-    renamed, codes = pairs(columns), numbers(missing, "--missing")
-
-    def read(files: str) -> Log:
-        log = gather(
-            files,
-            model=known,
-            columns=renamed,
-            bench=table,
-            only_while=condition,
-            settle=settle,
-            missing=codes,
-            trial=trial,
-            period=period,
-        )
-        return in_z_up(log, frame) if frame else log
-
-    return read
+    return Reader(
+        readable_model(model),
+        pairs(columns),
+        BenchTable.from_csv(bench, fans=bench_fans) if bench else None,
+        Condition.parse(only_while) if only_while else None,
+        settle,
+        tuple(numbers(missing, "--missing")),
+        trial,
+        period,
+        frame,
+    )
 
 
 def commands_of(command: str, commands: str, columns: str, period: float | None) -> Log | None:

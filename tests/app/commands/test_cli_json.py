@@ -8,6 +8,7 @@ import pytest
 
 from hovercontrol.app import cli
 from hovercontrol.documents.samples import sample_path
+from hovercontrol.logs import read_log
 
 SCRIPT = '''"""Two words."""
 
@@ -23,6 +24,7 @@ REPORTING = (
     "identify",
     "diagnose",
     "monitor",
+    "fleet",
     "export",
     "analyze",
     "sweep",
@@ -78,6 +80,15 @@ def test_diagnose_tells_its_result(told):
     with open("d/result.json") as file:
         saved = json.load(file)
     assert {k: v for k, v in found.items() if k != "files"} == saved
+
+
+def test_fleet_tells_its_findings(told, tmp_path):
+    (tmp_path / "boat7").mkdir()
+    read_log(sample_path()).between(0.0, 5.0).save(tmp_path / "boat7" / "a.csv")
+    found, status = told("fleet", "boat7", "--vehicle", "c17_experiment", "--workers", "1")
+    assert (status, found["logs"], found["refused"], found["craft"]) == (0, 1, {}, ["boat7"])
+    assert found["findings"][0].startswith("1 of 1 logs of 1 craft used")
+    assert "out/fleet/fleet.parquet" in found["files"]
 
 
 def test_sweep_tells_its_numbers(told):

@@ -1,0 +1,188 @@
+"""A fleet from its logs to its findings: the same from any number of workers, resumed after any death."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet
+import pytest
+
+import hovercontrol as hc
+from benchmarks.fleet_logs import fleet as drawn
+from benchmarks.fleet_logs import write
+from hovercontrol.identification.fleet import fleet
+
+V, K, F = hc.Signal("v", "m/s"), hc.Signal("k", "1/s", start=1.0), hc.Signal("f", "m/s^2")
+CART = hc.Block("cart", [V], [F], [V], [K], {"v": F.symbol - K.symbol * V.symbol})
+#: A model file in Python for processes.
+PYTHON = """
+import hovercontrol as hc
+V, K, F = hc.Signal("v", "m/s"), hc.Signal("k", "1/s", start=1.0), hc.Signal("f", "m/s^2")
+CART = hc.Block("cart", [V], [F], [V], [K], {"v": F.symbol - K.symbol * V.symbol})
+"""
+
+
+def write_carts(folder, rng, rates, logs):
+    """Write logs of carts with these rates [1/s] of decay: exact steps of 0.05 s, noise of 5 mm/s."""
+    t = 0.05 * np.arange(60)
+    for cart, rate in rates.items():
+        (folder / cart).mkdir(parents=True)
+        for day in range(logs):
+            f, v = np.repeat(rng.normal(size=6), 10), np.zeros(60)
+            for k in range(59):
+                v[k + 1] = f[k] / rate + (v[k] - f[k] / rate) * np.exp(-0.05 * rate)
+            rows = np.stack([t, v + 5e-3 * rng.normal(size=60), f], axis=1)
+            path = folder / cart / f"2026-11-{day + 1:02d}.csv"
+            np.savetxt(path, rows, fmt="%.6g", delimiter=",", header="time,v,f", comments="")
+
+
+@pytest.fixture(scope="module")
+def carts(tmp_path_factory):
+    """Six carts of two logs: one decays twice as fast; one log without a column, one copied from another."""
+    folder = tmp_path_factory.mktemp("carts")
+    rates = {f"cart{k}": 0.8 + 0.01 * k for k in range(5)} | {"cart5": 1.6}
+    write_carts(folder, np.random.default_rng(3), rates, 2)
+    (folder / "cart0" / "2026-11-09.csv").write_text("time,v\n0,1\n1,2\n")
+    (folder / "cart1" / "2026-11-09.csv").write_bytes((folder / "cart1" / "2026-11-01.csv").read_bytes())
+    return folder
+
+
+@pytest.fixture(scope="module")
+def found(carts, tmp_path_factory):
+    return fleet(CART, [str(carts)], out=tmp_path_factory.mktemp("out"))
+
+
+def test_the_cart_that_is_not_as_the_others_is_named_and_no_other(found):
+    (k,) = [c for c in found.coefficients if c.name == "k"]
+    assert k.off == ("cart5",)
+    assert dict(zip(k.craft, k.of.value, strict=True)) == pytest.approx(
+        {f"cart{i}": 0.8 + 0.01 * i for i in range(5)} | {"cart5": 1.6}, rel=0.03
+    )
+    assert "cart5 does not belong: k 1.5" in found.text()
+
+
+def test_a_log_that_cannot_be_used_is_a_row_with_its_reason(found, tmp_path):
+    whys = {Path(log).parent.name: why for log, why in found.refused.items()}
+    assert "no column 'f'" in whys["cart0"] and whys["cart1"].startswith("the same bytes as ")
+    files = {f.name for f in found.save(tmp_path)}
+    assert {"fleet.parquet", "craft.parquet", "fleet.json", "report.html", "parameters.toml"} <= files
+    rows = pyarrow.parquet.read_table(tmp_path / "fleet.parquet").to_pylist()
+    assert sum(r["coefficient"] == "k" for r in rows) == 12
+    assert sorted(r["refused"] is not None for r in rows)[-3:] == [False, True, True]
+    days = {r["time"].day for r in rows if r["time"]}
+    assert days == {1, 2}
+    page = (tmp_path / "report.html").read_text()
+    assert "1 of 6 craft to look at" in page and "no column &#x27;f&#x27;" in page and "http" not in page
+
+
+def test_what_is_done_is_not_done_again_and_a_damaged_result_is(carts, tmp_path, monkeypatch):
+    from hovercontrol.identification.fleet import run
+
+    asked = []
+    real = run.done
+    monkeypatch.setattr(run, "done", lambda work: asked.append(work.logs[0]) or real(work))
+    names = [str(carts / "cart2"), str(carts / "cart3")]
+    first = fleet(CART, names[:1], out=tmp_path)
+    assert len(asked) == 2
+    both = fleet(CART, names, out=tmp_path)
+    assert len(asked) == 4 and {n: both.results[n] for n in first.results} == first.results
+    damaged = next((tmp_path / "done").glob("*/*.json"))
+    damaged.write_bytes(damaged.read_bytes().replace(b"1", b"2", 1))
+    assert fleet(CART, names, out=tmp_path).text() == both.text() and len(asked) == 5
+
+
+@pytest.mark.parametrize(
+    ("options", "line"),
+    [
+        ({"logs": []}, "expected logs"),
+        ({"by": r"hull(\d)"}, r"none of 2 logs can be used; .*: no craft: --by hull"),
+        ({"by": "hull"}, "no column 'hull', by which logs belong to craft; found time, v, f"),
+        ({"on": "nowhere://1"}, "cluster 'nowhere://1'"),
+        ({"fixed": ["kk"]}, "no coefficient 'kk'; did you mean 'k'"),
+    ],
+)
+def test_what_cannot_be_is_refused_in_one_line(carts, tmp_path, options, line):
+    given = {"logs": [str(carts / "cart2")], "out": tmp_path} | options
+    if "on" in options:
+        pytest.importorskip("distributed")
+    with pytest.raises(hc.InputError, match=line):
+        fleet(CART, given.pop("logs"), **given)
+
+
+# ---- processes ------------------------------------------------------------------------------------------
+
+
+def start(folder, workers):
+    (folder / "cart.py").write_text(PYTHON)
+    words = ("logs", "--model", "cart.py:CART", "--out", "out", "--workers", str(workers))
+    return subprocess.Popen(
+        [sys.executable, "-m", "hovercontrol", "fleet", *words],
+        cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+
+
+def processes(parent):
+    """Return the processes below one."""
+    shown = subprocess.run(["ps", "-eo", "pid=,ppid=,args="], capture_output=True, text=True).stdout
+    rows = [line.split(None, 2) for line in shown.splitlines()]
+    below, found = [str(parent)], []
+    while below:
+        own = [(pid, args) for pid, ppid, args in rows if ppid == below[0]]
+        below = [*below[1:], *(pid for pid, _ in own)]
+        found += own
+    return found
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="reads the processes of Linux")
+def test_killed_workers_and_a_killed_client_lose_nothing_and_change_no_byte(tmp_path):
+    pytest.importorskip("distributed")
+    rates = {f"cart{k}": 0.8 + 0.02 * k for k in range(6)}
+    for name in ("one", "two"):
+        write_carts(tmp_path / name / "logs", np.random.default_rng(1), rates, 5)
+    one = start(tmp_path / "one", 1)
+    assert one.wait(200) == 0, one.stderr.read()
+    done = tmp_path / "two" / "out" / "done"
+
+    def results():
+        return {f.name: f.stat().st_mtime_ns for f in done.glob("*/*.json")}
+
+    two = start(tmp_path / "two", 2)
+    while len(results()) < 5:
+        time.sleep(0.1)
+    workers = [pid for pid, args in processes(two.pid) if "multiprocessing.spawn" in args]
+    os.kill(int(workers[0]), signal.SIGKILL)
+    while len(results()) < 12:
+        time.sleep(0.1)
+    two.kill()
+    two.wait()
+    before = results()
+    again = start(tmp_path / "two", 2)
+    assert again.wait(200) == 0, again.stderr.read()
+    after = results()
+    assert len(after) == 30 and before.items() <= after.items()
+    for name in ("fleet.parquet", "craft.parquet", "fleet.json", "report.html"):
+        assert (tmp_path / "one/out" / name).read_bytes() == (tmp_path / "two/out" / name).read_bytes(), name
+
+
+# ---- craft ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+def test_what_all_craft_lack_is_the_models_and_what_one_lacks_is_its_own(tmp_path):
+    craft = [c for k, c in enumerate(drawn(10, np.random.default_rng(0))) if k in (0, 1, 2, 3)]
+    write(tmp_path / "logs", craft, 2)
+    model = hc.load_model(tmp_path / "logs" / "craft.toml")
+    found = fleet(model, [str(tmp_path / "logs")], out=tmp_path / "out")
+    (lag,) = found.common
+    assert lag.name == "rudder_lag" and lag.craft == 4 and lag.taken > 0.7
+    assert list(found.faults) == ["craft03"]
+    assert [e["name"] for e in found.faults["craft03"]["effects"]] == ["rudder_offset"]
+    assert (tmp_path / "out" / "reports" / "craft03.html").is_file()
+    (finding,) = [f for f in found.to_json()["findings"] if f.startswith("craft03 lacks")]
+    value = float(finding.partition("rudder_offset (")[2].split()[0])
+    assert value == pytest.approx(0.03, abs=1e-3)
