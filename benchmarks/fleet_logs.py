@@ -1,8 +1,9 @@
-"""Logs of a fleet of simulated rudder craft, with known faults; shares no code with the package."""
+"""Logs of a simulated fleet of rudder craft with known faults, and of carts; no code of the package."""
 
 from __future__ import annotations
 
 import csv
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -123,3 +124,25 @@ def write(folder: Path, craft: list[Craft], days: int, seed: int = 0, seconds: f
                 np.savetxt(stream, rows, fmt="%.6g", delimiter=",")
             files.append(file)
     return files
+
+
+#: A cart, a machine of one state whose logs are identified in a tenth of a second.
+CART = """
+import hovercontrol as hc
+V, K, F = hc.Signal("v", "m/s"), hc.Signal("k", "1/s", start=1.0), hc.Signal("f", "m/s^2")
+CART = hc.Block("cart", [V], [F], [V], [K], {"v": F.symbol - K.symbol * V.symbol})
+"""
+
+
+def write_carts(folder: Path, rng: np.random.Generator, rates: Mapping[str, float], logs: int) -> None:
+    """Write logs of carts with these rates of decay [1/s]: exact steps of 0.05 s, noise of 5 mm/s."""
+    t = 0.05 * np.arange(60)
+    for cart, rate in rates.items():
+        (folder / cart).mkdir(parents=True)
+        for day in range(logs):
+            f, v = np.repeat(rng.normal(size=6), 10), np.zeros(60)
+            for k in range(59):
+                v[k + 1] = f[k] / rate + (v[k] - f[k] / rate) * np.exp(-0.05 * rate)
+            rows = np.stack([t, v + 5e-3 * rng.normal(size=60), f], axis=1)
+            path = folder / cart / f"2026-11-{day + 1:02d}.csv"
+            np.savetxt(path, rows, fmt="%.6g", delimiter=",", header="time,v,f", comments="")

@@ -229,7 +229,7 @@ def _stopped(status: int) -> int:
 
 def _farewell() -> str:
     if files.kept:
-        return f"stopped; results so far are kept in {files.kept[-1].name}; continue with --resume"
+        return f"stopped; results so far are kept in {files.kept[-1]}"
     if files.placed:
         return f"stopped; {files.placed[-1]} was written before"
     return "stopped; nothing was written"

@@ -25,8 +25,8 @@ from hovercontrol.base.errors import InputError, did_you_mean
 #: What this process wrote last, for who is asked whether anything was.
 placed: list[Path] = []
 
-#: Where the command that runs keeps what it has done so far, to go on from there.
-kept: list[Path] = []
+#: Where the command that runs keeps what it has done so far, and how to go on from there.
+kept: list[str] = []
 
 #: Files of a folder that are looked at for the nearest name.
 MOST_BESIDE = 1000

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from hovercontrol.app.commands import names, options
+from hovercontrol.base import files
 from hovercontrol.base.errors import InputError
 from hovercontrol.base.files import check_folder
 
@@ -82,8 +83,6 @@ def fleet(
 
     Exit status 1 if anything is to be looked at, or a log cannot be used.
     """
-    if not logs:
-        raise InputError("fleet: expected logs: files, folders, patterns or addresses")
     if on and workers is not None:
         raise InputError("fleet: --on and --workers exclude each other")
     if model and model.endswith(".fmu"):
@@ -105,10 +104,11 @@ def fleet(
     )
     from hovercontrol.identification.fleet import fleet as run
 
+    files.kept[:] = [f"{out / 'done'}; the same command goes on from there"]
     with options.progress_bar("fleet", 1.0) as report:
         found = run(
             found_model,
-            logs,
+            logs or [],
             by=by,
             read=read,
             fixed=options.listed(fixed, "--fixed") or [],
@@ -118,8 +118,8 @@ def fleet(
             out=out,
             progress=report,
         )
-        files = found.save(out)
+        written = found.save(out)
     used = len(found.results) - len(found.refused)
     spent = f"processor time {found.seconds:.0f} s, {found.seconds / max(used, 1):.2f} s a log"
-    options.show(f"{found.text()}\n{spent}", files, out, found.to_json() if json else None)
+    options.show(f"{found.text()}\n{spent}", written, out, found.to_json() if json else None)
     return 1 if found.negative else 0

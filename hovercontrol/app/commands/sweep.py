@@ -178,7 +178,7 @@ def _kept(partial: Path) -> Iterator[None]:
             if not any(partial.glob(f"*/{RUNS}")):
                 file_list.remove_own(partial, RUNS)
             elif isinstance(error, KeyboardInterrupt):
-                files.kept[:] = [partial]
+                files.kept[:] = [f"{partial.name}; continue with --resume"]
             raise
         file_list.remove_own(partial, RUNS)
 

@@ -46,6 +46,7 @@ def sentences(fleet: Fleet) -> Iterator[str]:
     yield from found
     if not (found or fleet.common):
         yield "no craft differs from the others, nothing drifts, and the model lacks nothing beyond noise"
+    yield from _every(fleet)
     yield from _unlike(fleet)
     yield from (f"not used, {n}: {why}" for why, n in _reasons(fleet))
     yield from _clocks(fleet)
@@ -110,6 +111,16 @@ def _few(fleet: Fleet) -> Iterator[str]:
                 f"{n} {_pm(v, s)}" for n, v, s in zip(c.craft, c.of.own, c.of.own_std, strict=True)
             )
             yield f"{c.name} differs between craft: {each} {c.unit}"
+
+
+def _every(fleet: Fleet) -> Iterator[str]:
+    """Yield the verdicts and the alarms, where every log was diagnosed and replayed."""
+    verdicts = Counter(r["verdict"] for r in fleet.results.values() if "verdict" in r)
+    if verdicts:
+        yield "verdicts of the logs: " + ", ".join(f"{n} {verdict}" for verdict, n in verdicts.most_common())
+        alarms = {log for log, r in fleet.results.items() if r.get("alarms")}
+        some = f": {', '.join(sorted(alarms)[:SHOWN])}" if alarms else ""
+        yield f"the monitor alarms in {len(alarms)} logs{some}"
 
 
 def _unlike(fleet: Fleet) -> Iterator[str]:
@@ -271,14 +282,14 @@ def _pictures(fleet: Fleet) -> str:
 
 
 def _not_used(fleet: Fleet) -> str:
-    rest = [*_unlike(fleet), *_clocks(fleet)]
+    rest = [*_every(fleet), *_unlike(fleet), *_clocks(fleet)]
     parts = [_list(rest)] if rest else []
     for why, n in _reasons(fleet):
         logs = [log for log, text in fleet.refused.items() if bare_reason(log, text) == why]
         parts.append(
             fold(f"{n} not used: {why}", _list(logs)) if n > SHOWN else _list([f"{', '.join(logs)}: {why}"])
         )
-    return f"<h2>What could not be used, and why</h2>{''.join(parts) or '<p>Every log was used.</p>'}"
+    return f"<h2>Logs: what could not be used, and why</h2>{''.join(parts) or '<p>Every log was used.</p>'}"
 
 
 def _pm(value: float, std: float, unit: str = "") -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -10,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 import pyarrow as pa
 import pyarrow.parquet
 
-from hovercontrol.base.plain_json import json_text
 from hovercontrol.identification.fleet.trends import Trend
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ def log_table(fleet: Fleet) -> pa.Table:
     rows = []
     for log, r in sorted(fleet.results.items(), key=lambda one: (str(one[1].get("craft", "")), one[0])):
         texts = {k: "; ".join(r.get(k, ())) for k in ("notes",)}
-        more = {k: json_text(r[k]).strip() for k in ("remaining", "effects", "alarms") if k in r}
+        more = {k: json.dumps(r[k]) for k in ("remaining", "effects", "alarms") if k in r}
         own = {k: r.get(k) for k in ("craft", "time", "gain", "verdict", "rows", "refused")}
         own |= (
             {"log": log, "missing": ", ".join(e["name"] for e in r.get("missing", ())) or None} | texts | more

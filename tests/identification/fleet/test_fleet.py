@@ -2,7 +2,6 @@
 
 import os
 import signal
-import subprocess
 import sys
 import time
 from pathlib import Path
@@ -12,32 +11,13 @@ import pyarrow.parquet
 import pytest
 
 import hovercontrol as hc
+from benchmarks.fleet import start, workers_of
 from benchmarks.fleet_logs import fleet as drawn
-from benchmarks.fleet_logs import write
+from benchmarks.fleet_logs import write, write_carts
 from hovercontrol.identification.fleet import fleet
 
 V, K, F = hc.Signal("v", "m/s"), hc.Signal("k", "1/s", start=1.0), hc.Signal("f", "m/s^2")
 CART = hc.Block("cart", [V], [F], [V], [K], {"v": F.symbol - K.symbol * V.symbol})
-#: A model file in Python for processes.
-PYTHON = """
-import hovercontrol as hc
-V, K, F = hc.Signal("v", "m/s"), hc.Signal("k", "1/s", start=1.0), hc.Signal("f", "m/s^2")
-CART = hc.Block("cart", [V], [F], [V], [K], {"v": F.symbol - K.symbol * V.symbol})
-"""
-
-
-def write_carts(folder, rng, rates, logs):
-    """Write logs of carts with these rates [1/s] of decay: exact steps of 0.05 s, noise of 5 mm/s."""
-    t = 0.05 * np.arange(60)
-    for cart, rate in rates.items():
-        (folder / cart).mkdir(parents=True)
-        for day in range(logs):
-            f, v = np.repeat(rng.normal(size=6), 10), np.zeros(60)
-            for k in range(59):
-                v[k + 1] = f[k] / rate + (v[k] - f[k] / rate) * np.exp(-0.05 * rate)
-            rows = np.stack([t, v + 5e-3 * rng.normal(size=60), f], axis=1)
-            path = folder / cart / f"2026-11-{day + 1:02d}.csv"
-            np.savetxt(path, rows, fmt="%.6g", delimiter=",", header="time,v,f", comments="")
 
 
 @pytest.fixture(scope="module")
@@ -116,27 +96,6 @@ def test_what_cannot_be_is_refused_in_one_line(carts, tmp_path, options, line):
 # ---- processes ------------------------------------------------------------------------------------------
 
 
-def start(folder, workers):
-    (folder / "cart.py").write_text(PYTHON)
-    words = ("logs", "--model", "cart.py:CART", "--out", "out", "--workers", str(workers))
-    return subprocess.Popen(
-        [sys.executable, "-m", "hovercontrol", "fleet", *words],
-        cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-    )  # fmt: skip
-
-
-def processes(parent):
-    """Return the processes below one."""
-    shown = subprocess.run(["ps", "-eo", "pid=,ppid=,args="], capture_output=True, text=True).stdout
-    rows = [line.split(None, 2) for line in shown.splitlines()]
-    below, found = [str(parent)], []
-    while below:
-        own = [(pid, args) for pid, ppid, args in rows if ppid == below[0]]
-        below = [*below[1:], *(pid for pid, _ in own)]
-        found += own
-    return found
-
-
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="reads the processes of Linux")
 def test_killed_workers_and_a_killed_client_lose_nothing_and_change_no_byte(tmp_path):
@@ -154,8 +113,7 @@ def test_killed_workers_and_a_killed_client_lose_nothing_and_change_no_byte(tmp_
     two = start(tmp_path / "two", 2)
     while len(results()) < 5:
         time.sleep(0.1)
-    workers = [pid for pid, args in processes(two.pid) if "multiprocessing.spawn" in args]
-    os.kill(int(workers[0]), signal.SIGKILL)
+    os.kill(workers_of(two.pid)[0], signal.SIGKILL)
     while len(results()) < 12:
         time.sleep(0.1)
     two.kill()
