@@ -1,4 +1,4 @@
-"""Model-based control of hovercraft: one symbolic definition, many backends.
+"""Model-based control of hovercraft and other machines: one symbolic definition, many backends.
 
 A :class:`Block` is written once, in SymPy; python-control systems, NumPy functions and exact Jacobians are
 derived from it. ``interconnect`` wires Blocks by signal name; ``vehicle`` gives the source documents' craft.

@@ -19,6 +19,17 @@ NAMED = {
 }
 
 
+def unit_at_end(name: str) -> str:
+    """Return the unit at the end of a column's name, empty if there is none.
+
+    Examples
+    --------
+    >>> unit_at_end("yaw_deg"), unit_at_end("t (ms"), unit_at_end("x")
+    ('deg', 'ms', '')
+    """
+    return NAMED.get(re.split(r"[^A-Za-z]", name.strip())[-1].lower(), "")
+
+
 def column_of(said: str, header: Container[str]) -> tuple[str, str]:
     """Return a file's column and its unit, from ``NAME`` or ``NAME:UNIT``.
 
@@ -110,7 +121,7 @@ def unit_hints(
     """
     lines = []
     for ours, theirs in names.items():
-        unit = NAMED.get(re.split(r"[^A-Za-z]", theirs.strip())[-1].lower(), "")
+        unit = unit_at_end(theirs)
         read = {"time": "s", **UNITS, **wanted}.get(ours, "")
         if not unit or not read or ours in known or dimension(unit) != dimension(read):
             continue

@@ -67,7 +67,7 @@ def without_repeats(log: Log, names: Sequence[str]) -> tuple[Log, list[str]]:
     >>> slow = np.repeat(np.sin(t[::2]), 2)
     >>> found, said = without_repeats(Log("a", t, {"x": slow, "y": slow, "psi": slow}), ["x", "y", "psi"])
     >>> said
-    ['a: 500 of 1,000 rows repeat the pose above (measured at about 25 Hz): dropped']
+    ['a: the pose changes at about 25 Hz: the 500 of 1,000 rows that repeat it are not used as measurements']
     >>> int(np.isfinite(found["x"]).sum())
     500
     """
@@ -87,8 +87,8 @@ def without_repeats(log: Log, names: Sequence[str]) -> tuple[Log, list[str]]:
         rate = _rate(log, kept)
         dropped |= {name: np.where(again, np.nan, log[name]) for name in group}
         said.append(
-            f"{log.name}: {again.sum():,} of {len(log):,} rows repeat {what} above "
-            f"(measured at about {rate:.2g} Hz): dropped"
+            f"{log.name}: {what} changes at about {rate:.2g} Hz: the {again.sum():,} of {len(log):,} rows "
+            "that repeat it are not used as measurements"
         )
     if not dropped:
         return log, []

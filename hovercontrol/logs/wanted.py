@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+import re
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from difflib import get_close_matches
 
 from hovercontrol.base.errors import InputError, did_you_mean
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.plant_model import PlantModel
-from hovercontrol.logs.log import POSE, VELOCITY
+from hovercontrol.blocks.units import Dimension, dimension
+from hovercontrol.logs.column_units import unit_at_end
+from hovercontrol.logs.log import POSE, UNITS, VELOCITY
+
+#: Least likeness of a signal's name and a word of a column's name, a ratio of :mod:`difflib`.
+ALIKE = 0.8
 
 
 @dataclass(frozen=True)
@@ -54,8 +62,8 @@ class Wanted:
         seen = {s.name: s.unit for s in (*block.outputs, *block.states) if s.name not in own}
         return cls({**more, **own}, {} if craft else seen, motion or craft)
 
-    def check(self, file: str, names: Sequence[str]) -> None:
-        """Raise if a file lacks a column.
+    def check(self, file: str, names: Sequence[str], units: Mapping[str, str] | None = None) -> None:
+        """Raise if a file lacks columns.
 
         Parameters
         ----------
@@ -63,33 +71,90 @@ class Wanted:
             Name of the file for the error message.
         names : sequence of str
             Its columns, by signal name.
+        units : mapping of str to str, optional
+            Units that the file states, by its own names.
 
         Raises
         ------
         InputError
-            The message names the column, the nearest one, and the option that maps it.
+            The message names the first column, the nearest one, and the option that maps all that lack.
         """
-        for name in self.inputs:
-            if name not in names:
-                raise InputError(f"{file}: no column {_missing(name, names)}")
+        absent = {name: unit for name, unit in self.inputs.items() if name not in names}
+        text, optional = f"no column {next(iter(absent))!r}" if absent else "", {}
         if self.outputs and not any(name in names for name in self.outputs):
-            first = _missing(next(iter(self.outputs)), names)
-            raise InputError(
-                f"{file}: expected one of the columns {', '.join(self.outputs)}, but there is no {first}"
-            )
+            optional = dict(self.outputs)
+            expected = f"expected one of the columns {', '.join(optional)}"
+            text = text or f"{expected}, but there is no {next(iter(optional))!r}"
         if self.motion and not any(all(name in names for name in triple) for triple in (POSE, VELOCITY)):
             triple = max(POSE, VELOCITY, key=lambda triple: sum(name in names for name in triple))
-            absent = _missing(next(name for name in triple if name not in names), names)
-            raise InputError(
-                f"{file}: expected all of x, y, psi or all of u, v, r, but there is no column {absent}"
-            )
+            motion = {name: UNITS[name] for name in triple if name not in names}
+            expected = "expected all of x, y, psi or all of u, v, r"
+            text = text or f"{expected}, but there is no column {next(iter(motion))!r}"
+            absent |= motion
+        if text:
+            wanted = {*self.inputs, *self.outputs, *((*POSE, *VELOCITY) if self.motion else ()), "time"}
+            free = [name for name in names if name not in wanted]
+            hint = did_you_mean(next(iter(absent or optional)), names)
+            raise InputError(f"{file}: {text}{hint} ({_how(absent, optional, free, units or {})})")
 
 
-def _missing(name: str, names: Sequence[str]) -> str:
-    others = [other for other in names if other != "time"]  # that of a period
-    if others and all(other.isdigit() for other in others):
-        how = f"there is no header: --columns {name}=NUMBER of the column, from 1"
-    else:
-        how = f"a column of another name: --columns {name}=NAME"
-    known = "; rows at a known period: --period SECONDS" if name == "time" else ""
-    return f"{name!r}{did_you_mean(name, names)} ({how}{known})"
+def _how(
+    absent: Mapping[str, str], optional: Mapping[str, str], free: Sequence[str], units: Mapping[str, str]
+) -> str:
+    """Return how columns are mapped: all that are `absent`, and the `optional` ones that names suggest."""
+    known = "; rows at a known period: --period SECONDS" if "time" in absent else ""
+    if free and all(name.isdigit() for name in free):
+        name = next(iter(absent or optional))
+        return f"there is no header: --columns {name}=NUMBER of the column, from 1{known}"
+    found = suggested({**absent, **optional}, free, units)
+    named = [name for name in optional if name in found] or ([] if absent else [next(iter(optional))])
+    text = ",".join(f"{name}={found.get(name, 'NAME')}" for name in (*absent, *named))
+    return f"a column of another name: --columns {shlex.quote(text)}{known}"
+
+
+def suggested(wanted: Mapping[str, str], names: Sequence[str], units: Mapping[str, str]) -> dict[str, str]:
+    """Return columns with their units that names or units suggest for signals.
+
+    A column fits by a word of its name. By its unit it fits a signal if no other of the columns and
+    signals left has that dimension.
+
+    Parameters
+    ----------
+    wanted : mapping of str to str
+        Signals and their units.
+    names : sequence of str
+        Columns of the file.
+    units : mapping of str to str
+        Units that the file states.
+
+    Examples
+    --------
+    >>> suggested({"time": "s", "thrust": "N", "psi": "rad"}, ["t_ms", "heading_deg", "thrust_N"], {})
+    {'thrust': 'thrust_N', 'time': 't_ms:ms', 'psi': 'heading_deg:deg'}
+    """
+    of = {name: units.get(name) or unit_at_end(name) for name in names}
+    found: dict[str, str] = {}
+    for ours in wanted:
+        words = {word: n for n in reversed(names) if n not in found.values() for word in _words(n)}
+        near = get_close_matches(ours.lower(), words, n=1, cutoff=ALIKE)
+        found |= {ours: words[near[0]]} if near else {}
+    open_signals = {ours: _dimension(unit) for ours, unit in wanted.items() if ours not in found and unit}
+    free = {n: d for n in names if n not in found.values() and (d := _dimension(of[n])) is not None}
+    for ours, own in open_signals.items():
+        fitting = [n for n, d in free.items() if d == own]
+        if len(fitting) == 1 and list(open_signals.values()).count(own) == 1:
+            found[ours] = fitting[0]
+    return {
+        o: n if n in units or not of[n] or of[n] == wanted[o] else f"{n}:{of[n]}" for o, n in found.items()
+    }
+
+
+def _words(name: str) -> list[str]:
+    return [name.lower(), *re.findall(r"[a-z]+", name.lower())]
+
+
+def _dimension(unit: str) -> Dimension | None:
+    try:
+        return dimension(unit) if unit else None
+    except InputError:
+        return None

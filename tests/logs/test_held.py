@@ -56,8 +56,8 @@ def test_what_repeats_is_dropped_and_told(at):
     wrong = int((np.isfinite(found["x"]) != new).sum())
     assert wrong <= 0.02 * len(LOG)  # a run far longer than the others is a craft at rest
     assert np.array_equal(found["thrust"], LOG["thrust"])
-    start = f"run.csv: {np.isnan(found['x']).sum()} of 1,000 rows repeat the pose above (measured at about "
-    assert len(said) == 1 and said[0].startswith(start) and said[0].endswith("Hz): dropped")
+    end = f": the {np.isnan(found['x']).sum()} of 1,000 rows that repeat it are not used as measurements"
+    assert len(said) == 1 and said[0].startswith("run.csv: the pose changes at") and said[0].endswith(end)
     again, nothing = without_repeats(found, POSE)
     assert again is found and not nothing
 
@@ -66,7 +66,7 @@ def test_what_repeats_is_dropped_and_told(at):
 @pytest.mark.parametrize("rows", [2, 5])
 def test_the_coefficients_are_those_of_the_craft(rows):
     truth = c17_experiment().coefficients()
-    with pytest.warns(UserWarning, match="repeat the pose above"):
+    with pytest.warns(UserWarning, match="the pose changes at about"):
         found = identify(c17_experiment(), [holding(every(rows))])
     for c in found.coefficients:
         assert c.value == pytest.approx(truth[c.name], abs=4.0 * c.std), c.name
@@ -77,7 +77,8 @@ def test_a_check_tells_it_and_is_no_error():
         found = check(model, [holding(every(2))])
         assert not found.errors
         assert [w for w in found.warnings if "repeat" in w] == [
-            "run.csv: 500 of 1,000 rows repeat the pose above (measured at about 25 Hz): dropped"
+            "run.csv: the pose changes at about 25 Hz: the 500 of 1,000 rows that repeat it are not used as "
+            "measurements"
         ]
 
 
@@ -130,6 +131,7 @@ def test_each_measurement_is_judged_by_itself():
     assert len(said) == 1 and np.isfinite(found.stack(*rates)).all()
     machine = {"speed": np.sin(LOG.time)[every(4)], "level": np.cos(LOG.time)[every(4)]}
     found, said = without_repeats(Log("m", LOG.time, machine), ["speed", "level"])
-    assert said == ["m: 750 of 1,000 rows repeat speed, level above (measured at about 12 Hz): dropped"]
+    text = "the 750 of 1,000 rows that repeat it are not used as measurements"
+    assert said == [f"m: speed, level changes at about 12 Hz: {text}"]
     found, said = without_repeats(Log("m", LOG.time, machine | {"level": LOG["x"]}), ["speed", "level"])
     assert len(said) == 1 and "column 'speed'" in said[0] and np.isfinite(found["level"]).all()

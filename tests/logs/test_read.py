@@ -118,6 +118,24 @@ def test_parquet_rows_count_from_one(tmp_path: Path) -> None:
     assert "column 'u': expected a number, found string 'a'" in error_of(path)
 
 
+@pytest.mark.parametrize(
+    ("header", "option"),
+    [
+        ("t_ms;east;north;heading_deg;thrust_A;rudder_deg",
+         "time=t_ms:ms,thrust=thrust_A,rudder=rudder_deg:deg,x=NAME,y=NAME,psi=heading_deg:deg"),
+        ("Zeit [ms];Pos X [mm];Pos Y [mm];Kurs;Thrust;Ruder [deg]",
+         "'time=Zeit,thrust=Thrust,rudder=Ruder,x=Pos X,y=Pos Y,psi=NAME'"),
+        ("stamp_s;u;v;r;motor;servo_deg;yaw_deg", "time=NAME,thrust=NAME,rudder=NAME"),
+    ],
+)  # fmt: skip
+def test_all_columns_that_lack_are_proposed_at_once(tmp_path: Path, header: str, option: str) -> None:
+    path = tmp_path / "run.csv"
+    path.write_text(
+        f"{header}\n" + "".join(f"{k};0;0;0;1;0;0"[: 2 * header.count(";") + 1] + "\n" for k in range(9))
+    )
+    assert f"--columns {option};" in error_of(path, model=hc.vehicle("c17_experiment"))
+
+
 def test_names_are_mapped_and_missing_inputs_are_named(tmp_path: Path) -> None:
     path = tmp_path / "run.csv"
     path.write_text("\ufeffstamp, pose.x ,y,psi,Thrust,mode\n0,1,2,3,4,idle\n1,1,2,3,4,run\n")

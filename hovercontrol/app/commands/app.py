@@ -28,7 +28,7 @@ from hovercontrol.base.endings import STATUSES, separate_interrupts
 
 app = typer.Typer(
     name="hovercontrol",
-    help="Model-based control of hovercraft: simulate, identify, diagnose, export, analyze.",
+    help="Model-based control of hovercraft and other machines: simulate, identify, diagnose, export.",
     epilog=STATUSES,
     add_completion=False,
     rich_markup_mode=None,  # rich takes as long to import as all else

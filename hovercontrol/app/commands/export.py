@@ -80,12 +80,12 @@ def export(
         return 0
     if list_:
         for c in choices():
-            print(f"{c.name:24} {c.title}")
+            print(f"{c.name:35} {c.title}")
             if c.parts:
                 print(f"{', '.join(c.parts)}{c.more} its parts")
         print("a model file or a scenario file (TOML), FILE.toml or FILE.toml:PART")
         print("a Block, BlockModel or Model of your own, FILE.py:NAME")
-        print(f"{'platforms':24} {', '.join(PLATFORMS)}")
+        print(f"{'platforms':35} {', '.join(PLATFORMS)}")
         return 0
     if not block:
         raise InputError(
@@ -95,6 +95,10 @@ def export(
     chosen = choose(block, params)
     out = out or Path("out") / f"{chosen.block.name}.fmu"
     fmi = fmi if fmi is not None else 2 if out.suffix == ".ssp" else 3
+    if fmi not in (2, 3):
+        raise InputError(f"--fmi: expected 2 or 3, found {fmi}")
+    if out.suffix not in (".fmu", ".ssp"):
+        raise InputError(f"{out}: expected a file name that ends in .fmu, or in .ssp for a loop's parts")
     if out.suffix == ".ssp":
         return _system(chosen, out, fmi, platforms, (step, stop), outputs, json)
     stop, step = chosen.stop if stop is None else stop, chosen.step if step is None else step
@@ -154,7 +158,10 @@ def _system(
         for options, own in zip(times, (chosen.step, chosen.stop), strict=True)
     )
     if not chosen.parts:
-        raise InputError(f"{out}: a system is written of a continuous scenario's loop, such as table1")
+        raise InputError(
+            f"{out}: expected a continuous scenario's loop, such as table1; of Blocks of your own, "
+            f"in Python: hovercontrol.fmi.export_ssp([plant, controller], {out.name!r})"
+        )
     more: dict[str, Any] = {k: v for k, v in (("step", step), ("stop", stop)) if v is not None}
     more["outputs"] = [name.strip() for name in outputs.split(",")] if outputs else []
     parts, title = list(chosen.parts), chosen.title

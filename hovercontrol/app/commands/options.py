@@ -289,8 +289,9 @@ def show_list(titles: Mapping[str, str], json: bool) -> None:
 
         output.write(json_text(titles))
         return
+    width = max(map(len, titles), default=0)
     for name, title in titles.items():
-        print(f"{name:24} {title}")
+        print(f"{name:{width}}  {title}")
 
 
 def refuse_twice(command: str, names: Sequence[str], held: Sequence[str] = ()) -> None:

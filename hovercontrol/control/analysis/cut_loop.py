@@ -27,9 +27,21 @@ Point = ArrayLike | Mapping[str, float] | Trim
 RETURNED = "returned"
 
 
-def _open(name: str, signal: str) -> InputError:
+def _open(loop: Block, at: Point | None, names: Sequence[str]) -> InputError:
+    """Return the error for inputs that nothing drives, with the point that gives them their start values.
+
+    A Trim of one Block of the loop is written by the loop's names, ``plant.u``.
+    """
+    states = {s.name for s in loop.states}
+    given: Mapping[str, float] = at if isinstance(at, Mapping) else {}
+    if isinstance(at, Trim):
+        of = {name: name if name in states else f"{at.block.name}.{name}" for name in at.states}
+        given = {of[name]: value for name, value in at.states.items() if value and of[name] in states}
+    starts = {s.name: s.start for s in loop.inputs if s.name in names}
+    point = ", ".join(f"{name!r}: {value + 0.0:.6g}" for name, value in {**given, **starts}.items())
     return InputError(
-        f"{name}: nothing drives {signal!r}: a loop to be cut must be closed, or its value given"
+        f"{loop.name}: nothing drives {', '.join(map(repr, names))}: a loop to be cut must be closed, or the "
+        f"values given, at={{{point}}}"
     )
 
 
@@ -133,9 +145,9 @@ class CutLoop:
             tick with different periods.
         """
         known = at.inputs if isinstance(at, Trim) else at if isinstance(at, Mapping) else {}
-        for signal in self._closed.inputs:
-            if signal.name not in known:
-                raise _open(self._closed.name, signal.name)
+        missing = [s.name for s in self._closed.inputs if s.name not in known]
+        if missing:
+            raise _open(self._closed, at, missing)
         given: Any = {} if at is None else at
         point = operating_point(self._closed, given, None, params, time)
         return self._at(point, friction, amplitude, warn=True)

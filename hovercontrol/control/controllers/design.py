@@ -41,11 +41,14 @@ class Measured:
         Whether a change by 2 pi is the same state.
     estimated : bool
         Whether an estimator of the plant's states has it; an output that is no state is read itself.
+    state : str
+        The plant's own name of the state, by which an estimator gives it (default: that of the signal).
     """
 
     signal: Signal
     angle: bool
     estimated: bool = True
+    state: str = ""
 
 
 @dataclass(frozen=True)
@@ -187,9 +190,7 @@ def design_of(
         needed = {k for row in rows for k in np.flatnonzero(row).tolist()}
         named = {names.index(s) for s in weighted} | needed
         kept = [k for k in closure(A, named) if k in named or k not in hidden]
-    chosen = tuple(
-        Measured(names.signal(k).replace(start=point.x[k]), is_angle(plant, plant.states[k])) for k in kept
-    )
+    chosen = tuple(_measured(plant, names, k, point.x[k]) for k in kept)
     commanded = tuple(
         plant.inputs[j].replace(start=_inside(where, plant.inputs[j], point.u[j])) for j in columns
     )
@@ -247,9 +248,7 @@ def _integrals(
         k = names.find(name)
         if k is not None:
             rows.append(np.eye(len(plant.states))[k])
-            found.append(
-                Measured(names.signal(k).replace(start=point.x[k]), is_angle(plant, plant.states[k]))
-            )
+            found.append(_measured(plant, names, k, point.x[k]))
             continue
         if name not in outputs:
             hint = did_you_mean(name, [*(s.name for s in plant.states), *outputs])
@@ -263,6 +262,11 @@ def _integrals(
         level = operating_point.outputs(plant, point)[j]
         found.append(Measured(plant.outputs[j].replace(start=level), angle=False, estimated=False))
     return rows, tuple(found)
+
+
+def _measured(plant: Block, names: StateNames, k: int, start: float) -> Measured:
+    state = plant.states[k]
+    return Measured(names.signal(k).replace(start=start), is_angle(plant, state), state=state.name)
 
 
 def _inside(where: str, signal: Signal, value: float) -> float:

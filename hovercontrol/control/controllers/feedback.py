@@ -38,12 +38,12 @@ class Form:
     measured: str
     name: str
 
-    def reads(self, signal: Signal, estimated: bool = True) -> Signal:
-        """Return the input that carries a state or output; one that is not estimated carries its own name."""
-        if not estimated:
-            return signal
-        base, bracket, index = signal.name.partition("[")
-        return signal.replace(name=self.measured.replace("{}", base) + bracket + index)
+    def reads(self, m: Measured) -> Signal:
+        """Return the input that carries a state or an output; an estimator gives a state by its own name."""
+        if not m.estimated or self.measured == "{}":
+            return m.signal
+        base, bracket, index = (m.state or m.signal.name).partition("[")
+        return m.signal.replace(name=self.measured.replace("{}", base) + bracket + index)
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,7 @@ class _Parts:
             signal = m.signal
             if _error(signal) in self.errors:
                 continue
-            read = form.reads(signal, m.estimated)
+            read = form.reads(m)
             text = f"setpoint of {signal.name}"
             setpoint = signal.replace(name=suffixed(_plain(signal), "ref"), description=text)
             difference = read.symbol - setpoint.symbol
@@ -146,14 +146,15 @@ class _Parts:
         self.widths: list[Signal] = []
         self.signs: list[sp.Expr] = []
         for friction in design.frictions:
-            v = design.states[friction.state].signal
+            m = design.states[friction.state]
+            v = m.signal
             width = v.replace(
                 name=suffixed(_plain(v), "width"),
                 description=f"width of the friction compensation in {v.name}",
                 start=friction.width,
             )
             self.widths.append(width)
-            self.signs.append(sgn(form.reads(v).symbol, width.symbol))
+            self.signs.append(sgn(form.reads(m).symbol, width.symbol))
 
     @staticmethod
     def friction_gains(command: Signal, design: Design, row: Array) -> list[Signal]:

@@ -15,7 +15,6 @@ from hovercontrol.base.arrays import Array
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError
 from hovercontrol.base.pyplot import open_in_pyplot
-from hovercontrol.base.short_repr import short_repr
 from hovercontrol.base.text_table import aligned
 from hovercontrol.blocks.backends.shoot import shoot
 from hovercontrol.blocks.block import Block
@@ -69,6 +68,10 @@ class FreeRun:
     >>> found = free_run(decay, Log("demo", t, {"v": np.exp(-t)}))
     >>> found.channels, found.simulated.shape
     (('v',), (1, 21))
+    >>> found  # doctest: +ELLIPSIS
+    free run of decay over demo
+    channel  rms error  unit  fit
+    v        ... m/s   100 %
     """
 
     model: str
@@ -83,7 +86,10 @@ class FreeRun:
     rms: Mapping[str, float]
     nrmse: Mapping[str, float]
 
-    __repr__ = short_repr
+    def __repr__(self) -> str:
+        rows = [("channel", "rms error", "unit", "fit")]
+        rows += [(c, f"{self.rms[c]:.3g}", self.units[c], f"{fit:.3g} %") for c, fit in self.fit.items()]
+        return "\n".join([f"free run of {self.model} over {self.log}", *aligned(rows)])
 
     @property
     def fit(self) -> Mapping[str, float]:

@@ -222,7 +222,7 @@ def test_results_read_as_one_line():
     [
         (lambda loop, at: hc.bode(loop, "ruder", at), "no signal 'ruder' that can be cut; did you mean 'rud"),
         (lambda loop, at: hc.bode(loop, "psi", at), r"it is the signal plant\.psi under this name; give the"),
-        (lambda loop, at: hc.bode(loop, "rudder"), "nothing drives 'thrust': a loop to be cut must"),
+        (lambda loop, at: hc.bode(loop, "rudder"), "nothing drives 'thrust', 'goal': a loop to"),
         (lambda loop, at: hc.bode(loop), "wire: expected the signal at which the loop is broken"),
         (lambda loop, at: hc.bode(THREE_LAGS, "rudder"), "is the loop gain itself"),
         (lambda loop, at: hc.nyquist(ct.ss([], [], [], np.eye(2))), "one input and one output, found 2"),

@@ -1,5 +1,6 @@
 """Margins are where simulations of the nonlinear loops begin to grow; a frozen one is close to that."""
 
+import ast
 import math
 
 import control
@@ -13,7 +14,7 @@ from hovercontrol.blocks.interconnect import rename
 from hovercontrol.control.analysis.cut_loop import CutLoop, cut_blocks
 from hovercontrol.control.analysis.loops import c17_ellipse, on_reference
 from hovercontrol.control.analysis.margins import loop_margins, margins, margins_along
-from hovercontrol.control.controllers import tracking_controller
+from hovercontrol.control.controllers import lqr, tracking_controller
 from hovercontrol.control.controllers.k06 import forward, setpoints
 from hovercontrol.craft.models.vehicles import c17_simulation
 from hovercontrol.documents.k06.law_loop import delayed_force, force_craft
@@ -257,6 +258,17 @@ def test_an_unstable_instant_has_no_margins_and_the_way_neither(ellipse):
     assert not frozen["stable"].all()
     assert not frozen.worst.stable
     assert math.isnan(frozen.worst.delay)
+
+
+def test_the_error_of_open_setpoints_gives_the_point_at_which_the_loop_is_cut():
+    craft = c17_simulation().plant()
+    ahead = craft.trim({"u": 1.0, "r": 0.0, "psi": 0.0})
+    loop = [craft, lqr(craft, ahead, {"y": 1.0, "u": 1.0}, {"thrust": 1.0, "rudder": 4.0})]
+    with pytest.raises(InputError, match="nothing drives 'y_ref', 'psi_ref', 'u_ref'") as refusal:
+        margins(loop, "rudder", ahead, friction="none")
+    point = ast.literal_eval(str(refusal.value).partition("at=")[2])
+    assert point["plant.u"] == point["u_ref"] == 1.0
+    assert margins(loop, "rudder", point, friction="none").phase > 60.0  # an LQR's
 
 
 # ---- bad input -------------------------------------------------------------------------------------------

@@ -227,6 +227,16 @@ def test_a_transfer_function_with_numbered_names_is_estimated_and_held_at_its_se
     assert margins.stable and margins.gain_up > 1.0
 
 
+@pytest.mark.parametrize("step", [H, 0], ids=["sampled", "continuous"])
+def test_an_estimate_is_read_by_the_states_name_where_an_output_has_another(step):
+    A, B = np.array([[1.0, H], [0.0, 0.95]]), np.array([[0.0], [H]])
+    plant = hc.from_control(ct.ss(A if step else A - np.eye(2), B, [[1.0, 0.0]], [[0.0]], dt=step))
+    seen = hc.extended_kalman(plant, ["y[0]"], process_noise={"x[1]": 0.1}, measurement_noise={"y[0]": 0.1})
+    hold = hc.lqr(plant, {}, np.eye(2), 1.0, states=["x[0]", "x[1]"], measured="{}_hat")
+    loop = hc.interconnect([plant, seen, hold], "loop")
+    assert {s.name for s in loop.inputs} == {"y_ref[0]", "x_ref[1]"}
+
+
 @pytest.mark.parametrize(
     ("A", "B", "start", "end"),
     [
