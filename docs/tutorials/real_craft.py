@@ -50,7 +50,7 @@ def main() -> None:
     print(headline(found))
     print(remainder_sentence(found))
     lag = found.evidence["fan_lag"].blocks
-    print(f"blocks that agree on its sign: {lag.same_sign} of {lag.n}")
+    print(f"segments that agree on its sign: {lag.same_sign} of {lag.n}")
     for a in found.ahead:
         if a.horizon == 0.2:
             print(f"error of {a.channel} 0.2 s ahead: {a.before:.3g} -> {a.after:.3g} {a.unit}")

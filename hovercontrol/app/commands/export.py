@@ -66,27 +66,14 @@ def export(
     json: options.Json = False,
 ) -> int:
     """Write an FMU (FMI 2.0 or 3.0, Model Exchange and Co-Simulation in one file)."""
-    from hovercontrol.app.commands.exportable import choices, choose
-    from hovercontrol.base import output
+    from hovercontrol.app.commands.exportable import choose
     from hovercontrol.base.boundary import as_user
-    from hovercontrol.base.plain_json import json_text
-    from hovercontrol.fmi.exporter.binaries import PLATFORMS, chosen_platforms
+    from hovercontrol.fmi.exporter.binaries import chosen_platforms
     from hovercontrol.fmi.exporter.export import export_fmu
     from hovercontrol.fmi.exporter.variables import Interface
 
-    if list_ and json:
-        listed = {c.name: {"title": c.title, "parts": list(c.parts)} for c in choices()}
-        output.write(json_text(listed))
-        return 0
     if list_:
-        for c in choices():
-            print(f"{c.name:35} {c.title}")
-            if c.parts:
-                print(f"{', '.join(c.parts)}{c.more} its parts")
-        print("a model file or a scenario file (TOML), FILE.toml or FILE.toml:PART")
-        print("a Block, BlockModel or Model of your own, FILE.py:NAME")
-        print(f"{'platforms':35} {', '.join(PLATFORMS)}")
-        return 0
+        return _list(json)
     if not block:
         raise InputError(
             "export: expected a scenario, a part, a craft or a file; hovercontrol export --list shows them"
@@ -137,6 +124,27 @@ def export(
         f"{', '.join(p.name for p in wanted)}; {len(interface.variables)} variables "
         f"({counts}, {len(interface.outputs)} outputs)"
     )
+    return 0
+
+
+def _list(json: bool) -> int:
+    """List what can be exported."""
+    from hovercontrol.app.commands.exportable import choices
+    from hovercontrol.base import output
+    from hovercontrol.base.plain_json import json_text
+    from hovercontrol.fmi.exporter.binaries import PLATFORMS
+
+    if json:
+        listed = {c.name: {"title": c.title, "parts": list(c.parts)} for c in choices()}
+        output.write(json_text(listed))
+        return 0
+    for c in choices():
+        print(f"{c.name:35} {c.title}")
+        if c.parts:
+            print(f"{', '.join(c.parts)}{c.more} its parts")
+    print("a model file or a scenario file (TOML), FILE.toml or FILE.toml:PART")
+    print("a Block, BlockModel or Model of your own, FILE.py:NAME")
+    print(f"{'platforms':35} {', '.join(PLATFORMS)}")
     return 0
 
 

@@ -15,10 +15,10 @@ Place = Annotated[
 
 
 class FmuBlocks(TypedDict):
-    """The same size, or gain, on disjoint blocks of the logs."""
+    """The same size, or gain, on disjoint segments of the logs."""
 
-    n: Annotated[int, "blocks that tell it"]
-    same_sign: Annotated[int, "blocks with the sign of the whole"]
+    n: Annotated[int, "segments that show it"]
+    same_sign: Annotated[int, "segments with the sign of the whole"]
     t: Annotated[float, "mean over its standard error"]
 
 

@@ -18,12 +18,12 @@ class Number(TypedDict):
 
 
 class Blocks(TypedDict):
-    """The same coefficient on disjoint blocks of the logs."""
+    """The same coefficient on disjoint segments of the logs."""
 
-    n: Annotated[int, "blocks that tell it"]
-    same_sign: Annotated[int, "blocks with the sign of the whole"]
+    n: Annotated[int, "segments that show it"]
+    same_sign: Annotated[int, "segments with the sign of the whole"]
     t: Annotated[float, "mean over its standard error"]
-    spread: Annotated[float, "of the blocks, in parts of the mean"]
+    spread: Annotated[float, "of the segments, in parts of the mean"]
     p_value: Annotated[float, "chance of as much without the effect"]
 
 
@@ -42,7 +42,7 @@ class HoldoutGain(TypedDict):
     """What an effect brings on the held-out logs."""
 
     gain: Annotated[float, "twice the log likelihood gained there, coefficients kept"]
-    t: Annotated[float, "that in its standard errors over blocks"]
+    t: Annotated[float, "that in its standard errors over segments"]
 
 
 class Evidence(TypedDict):

@@ -154,7 +154,7 @@ class Diagnosis:
     Diagnosis of 'c17_experiment': none
     Missing: nothing beyond noise.
     No log was held out; ...
-    What remains: nothing beyond noise.
+    Unmodelled residual: none beyond noise.
     >>> found.rows_dropped
     0
     """
@@ -419,7 +419,7 @@ def reason_of(rival: Rival) -> str:
         return f"equivalent to {rival.instead_of} in every log"
     return (
         f"instead of {rival.instead_of}: behind by {rival.behind:.1f} in twice the log likelihood, "
-        f"{rival.t:.1f} standard errors over blocks"
+        f"{rival.t:.1f} standard errors over segments"
     )
 
 

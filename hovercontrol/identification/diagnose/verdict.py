@@ -32,7 +32,7 @@ def verdict(named: bool, rivals: bool, remains: bool) -> Verdict:
     =========== =================================================================================
     none        no effect is missing
     effect      effects are named, and only noise remains
-    partial     effects are named, and a remainder is left that no known effect explains
+    partial     effects are named, and an unmodelled residual is left
     ambiguous   one of several effects is missing, or an unknown function has one of several forms; the
                 logs do not distinguish them
     unexplained something is missing, but no effect can be named

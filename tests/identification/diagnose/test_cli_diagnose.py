@@ -52,8 +52,8 @@ def test_a_missing_slope_is_found_named_added_and_shown(call, folder, tmp_path):
     assert done.returncode == 0, done.stderr
     missing, gap, remains, wrote = done.stdout.splitlines()
     assert missing.startswith("Missing: slope, x ")
-    assert gap.startswith("On the held-out log it takes ")
-    assert remains == "What remains: nothing beyond noise."
+    assert gap.startswith("On the held-out log it removes ")
+    assert remains == "Unmodelled residual: none beyond noise."
     assert wrote == "wrote model.toml, report.html, result.json to out"
     assert sorted(p.name for p in (tmp_path / "out").glob("[!.]*")) == [
         "model.toml",
@@ -107,12 +107,12 @@ def ends(found, tmp_path, monkeypatch, capsys):
         ("two readings", 0, "Missing: input delay, "),
         ("partial", 1, "Missing: slope, "),
         ("ambiguous", 1, "Missing: wind, "),
-        ("unexplained", 1, "Missing: something that no known effect explains"),
+        ("unexplained", 1, "Missing: a residual that no candidate effect explains"),
     ],
 )
 def test_the_exit_status_follows_the_verdict(every, kind, status, first, tmp_path, monkeypatch, capsys):
     code, lines = ends(every[kind], tmp_path, monkeypatch, capsys)
-    assert code == status and lines[0].startswith(first) and lines[2].startswith("What remains: ")
+    assert code == status and lines[0].startswith(first) and lines[2].startswith("Unmodelled residual: ")
     result = json.loads((tmp_path / "out" / "diagnose" / "result.json").read_text())
     assert result["verdict"] == ("effect" if kind == "two readings" else kind)
     assert {"effects", "rivals", "gap", "remainder", "leads", "where", "next_experiment"} <= {*result}

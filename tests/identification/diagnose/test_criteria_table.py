@@ -4,7 +4,7 @@ import pytest
 
 from benchmarks.criteria import BEHIND, Row, changed, limits, nearest, planned, table, to_rerun
 
-AT_LEAST, AT_MOST = "gain in twice the log likelihood, at least", "p-value of its size over blocks, at most"
+AT_LEAST, AT_MOST = "gain in twice the log likelihood, at least", "p-value of its size over segments, at most"
 
 
 def row(rule, value, limit, passed):

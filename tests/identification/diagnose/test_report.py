@@ -116,13 +116,14 @@ def test_an_effect_is_told_with_number_standard_error_and_unit(sloping):
     truth = sloping.case.truth.effect("slope").values["x"]
     value, std = re.match(r"Missing: slope, x (\S+) ± (\S+) m/s² and y", headline(sloping.found)).groups()
     assert float(value) == pytest.approx(truth, abs=4 * float(std))
-    assert remainder_sentence(sloping.found) == "What remains: nothing beyond noise."
+    assert remainder_sentence(sloping.found) == "Unmodelled residual: none beyond noise."
 
 
 def test_what_it_takes_of_the_held_out_error_is_told_in_units(sloping):
     d = sloping.found
     said = re.fullmatch(
-        r"On the held-out log it takes (\S+) % of the error of (\w+) (\S+) s ahead \((\S+) to (\S+) \S+\)\.",
+        r"On the held-out log it removes (\S+) % of the error of (\w+) (\S+) s ahead "
+        r"\((\S+) to (\S+) \S+\)\.",
         gap_sentence(d),
     )
     part, channel, horizon, before, after = said.groups()
@@ -138,17 +139,17 @@ def test_a_remainder_is_told_beside_the_name(gusty, pages):
     said = remainder_sentence(d)
     for r in d.remainders:
         assert r.rms > 0 and f"in {r.equation[0]}′" in said
-    assert "(averaged over 0.2 s), that no known effect explains; it is largest in" in said
+    assert "(averaged over 0.2 s); it is largest in" in said
     _, text = read(pages["partial"])
-    assert "By position" in text and "explained" in text.partition("What remains Root")[2]
+    assert "By position" in text and "explained" in text.partition("Unmodelled residual Root")[2]
 
 
 def test_an_effect_of_no_catalogue_is_told_with_how_to_have_it_named(patched):
     heavy = Lead("mass_drift", 900.0, 50.0, ASKED_FOR)
     said = headline(replace(patched.found, leads=(heavy, Lead("battery_sag", 220.0, 18.0, "gains 12 of 24"))))
     assert said == (
-        "Missing: something that no known effect explains; nearest come mass drift (named where it is asked "
-        "for: --effects mass_drift) and battery sag (gains 12 of 24)."
+        "Missing: a residual that no candidate effect explains; nearest come mass drift (named where it is "
+        "asked for: --effects mass_drift) and battery sag (gains 12 of 24)."
     )
 
 
@@ -178,7 +179,7 @@ def test_what_is_unexplained_has_leads_and_no_name(patched, pages):
     d = patched.found
     assert d.verdict == "unexplained" and d.leads
     weak, strong = (replace(d, leads=(replace(d.leads[0], gain=k * CRITERIA.least),)) for k in (0.5, 2.0))
-    assert headline(weak) == "Missing: something that no known effect explains."
+    assert headline(weak) == "Missing: a residual that no candidate effect explains."
     assert f"explains; nearest comes cubic drag in surge ({d.leads[0].reason})." in headline(strong)
     _, text = read(pages["unexplained"])
     assert "They are hints, not findings." in text and d.leads[0].reason in text
@@ -202,13 +203,13 @@ def test_errors_that_rise_are_told_beside_the_likelihood_that_does_too(sloping):
 
 def test_nothing_missing_is_said_so(complete, pages):
     assert headline(complete.found) == "Missing: nothing beyond noise."
-    assert remainder_sentence(complete.found) == "What remains: nothing beyond noise."
+    assert remainder_sentence(complete.found) == "Unmodelled residual: none beyond noise."
     assert "Evidence" not in read(pages["none"])[1]
 
 
 def test_without_a_held_out_log_that_is_said(sloping, tmp_path):
     d = replace(sloping.found, before=None, after=None, held_before=None, held_after=None, ahead=())
-    assert gap_sentence(d).startswith("No log was held out; on the training logs it takes ")
+    assert gap_sentence(d).startswith("No log was held out; on the training logs it removes ")
     _, text = read(write_report(d, tmp_path / "r.html"))
     assert "Log log 1, one of the training logs" in text and "Made by a script" in text
 

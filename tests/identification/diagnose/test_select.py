@@ -135,7 +135,7 @@ def test_what_is_asked_of_an_effect(dragged):
     assert "do not agree on it (t = 1.5, 5 of 8 with its sign)" in why_not(few, 60, CRITERIA)
     assert passes(replace(few, fit=found.final), 60, CRITERIA) == (not left_over(found.final))
     uneven = replace(left, blocks=replace(t.blocks, spread=0.6))
-    assert "differs from block to block by 60 %" in why_not(uneven, 60, CRITERIA)
+    assert "differs from segment to segment by 60 %" in why_not(uneven, 60, CRITERIA)
     somewhat = replace(left, blocks=replace(t.blocks, spread=0.4))
     assert "by 40 %" in why_not(somewhat, 60, CRITERIA)
     assert passes(somewhat, 3, CRITERIA)  # one of the three drags of an axis that is known to lack one

@@ -49,7 +49,9 @@ def test_a_heading_that_others_contradict_is_no_noise(case, compass):
 def test_it_is_told_in_words_and_numbers(compass, tmp_path):
     (slow,) = compass.slow_errors
     said = remainder_sentence(compass)
-    assert said.startswith("What remains: lasting errors of ") and "rad in measured psi (noise: " in said
+    assert (
+        said.startswith("Unmodelled residual: lasting errors of ") and "rad in measured psi (noise: " in said
+    )
     told = compass.result()["slow_errors"]["psi"]
     assert told == {"rms": slow.rms, "noise": slow.noise, "unit": "rad", "over": 0.2}
     page = write_report(compass, tmp_path / "r.html").read_text(encoding="utf-8")
@@ -87,7 +89,7 @@ def test_a_gyro_that_drifts_has_no_constant_bias(case):
     found = diagnose(case.model, logs, drifting(case.holdout), names=["gyro_bias", "gyro_scale"])
     assert found.verdict == "unexplained" and [s.channel for s in found.slow_errors] == ["r"]
     bias = next(lead for lead in found.leads if lead.name == "gyro_bias")
-    assert "block" in bias.reason  # blocks do not agree on it, or its size differs from block to block
+    assert "segment" in bias.reason  # segments do not agree on it, or its size differs between them
 
 
 @pytest.mark.slow

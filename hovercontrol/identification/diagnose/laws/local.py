@@ -88,7 +88,7 @@ def with_functions(
     else:
         doubtful = [n for n in named if not sound(again, n, found.selection.final, criteria)]
     if doubtful:
-        reason = "held-out logs do not show it, or it takes little of what is missing"
+        reason = "held-out logs do not show it, or it explains little of what is missing"
         again = without(again, doubtful, reason)
     return again if any(n in added for n in again.selection.effects) else unnamed
 
@@ -143,7 +143,7 @@ def _locals(final: Fit, criteria: Criteria, rows: list[Decision]) -> list[tuple[
     for equation, left in zip(final.problem.driven_names, criteria.left(final), strict=True):
         scan = Scan(final, equation) if left else None
         for local in scan.found() if scan else ():
-            rule, passed = "gain of the function on left-out blocks, at least", local.gain >= criteria.least
+            rule, passed = "gain of the function on left-out segments, at least", local.gain >= criteria.least
             rows.append(Decision("score", local.table(), rule, local.gain, criteria.least, passed))
             found += [(local, scan.values[local.of.signal])] if scan and passed else []
     return sorted(found, key=lambda one: -one[0].gain)

@@ -26,11 +26,11 @@ def _asked(candidates: int) -> Table:
         ),
         (
             f"{100 * c.level:g} %",
-            "probability of one false name among all candidates, from the scatter over blocks",
+            "probability of one false name among all candidates, from the scatter over segments",
         ),
         (
             f"{100 * c.spread(candidates):.0f} %",
-            "largest spread between blocks: a further block has the same sign",
+            "largest spread between segments: a further segment has the same sign",
         ),
         (f"{c.apart:g}", "a rival less than this behind is not distinguished: odds of e⁶"),
         (f"{c.remains:g}", "gain of random forces in an equation from which on something remains there"),

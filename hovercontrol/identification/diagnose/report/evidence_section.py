@@ -15,11 +15,11 @@ from hovercontrol.identification.diagnose.report.verdict import SIGNIFICANCE, ke
 #: Rows of the evidence table.
 MEASURES = (
     "likelihood gained",
-    "blocks of the same sign",
-    "t over blocks",
+    "segments of the same sign",
+    "t over segments",
     "spread",
     "gained on the held-out log",
-    "its errors",
+    "held-out errors",
 )
 
 
@@ -55,7 +55,7 @@ def _held(e: Evidence) -> str:
     if best:
         fall = percent(1.0 - best.after / best.before)
         most = f", most by {fall} ({best.channel}, {best.horizon:.2g} s ahead)"
-    return f"{falls} of {len(far)} fall, {rises} rise{most}"
+    return f"{falls} of {len(far)} reduced, {rises} increased{most}"
 
 
 def _blocks(m: Context) -> dict[str, object]:

@@ -63,7 +63,7 @@ def _sizes(m: Context, missing: Sequence[Missing]) -> Table:
     rows = []
     for r in d.remainders:
         same = [f for f in missing if f.equation == r.equation]
-        size = f"{digits(r.rms)} {unit(r.unit)}" if r.there else "nothing beyond noise"
+        size = f"{digits(r.rms)} {unit(r.unit)}" if r.there else "none beyond noise"
         share = percent(r.share_explained) if r.there or r.share_explained > 0.0 else "–"
         where = prime(regime_of(same)) if r.there else ""
         longest = max(same, key=lambda f: f.share, default=None)

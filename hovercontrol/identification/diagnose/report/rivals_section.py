@@ -54,7 +54,7 @@ def _leads(m: Context) -> Table | None:
         (effect_words(lead.name), rounded(lead.gain), f"{lead.blocks_t:.1f}", prime(lead.reason))
         for lead in m.diagnosis.leads
     ]
-    head = ("candidate", "likelihood gained", "t over blocks", "why it is not named")
+    head = ("candidate", "likelihood gained", "t over segments", "why it is not named")
     return table(head, rows) if rows else None
 
 

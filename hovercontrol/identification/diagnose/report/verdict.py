@@ -39,7 +39,7 @@ MEANS = {
     "effect": "named, and nothing remains beyond noise",
     "partial": "named, and something remains",
     "ambiguous": "one of several effects or forms",
-    "unexplained": "something is missing, no known effect explains it",
+    "unexplained": "something is missing, no candidate effect explains it",
 }
 
 
@@ -91,7 +91,7 @@ def headline(d: Diagnosis) -> str:
         return "Missing: nothing beyond noise."
     nearest = [_lead(lead) for lead in d.leads[: SIGNIFICANCE.nearest] if lead.gain > CRITERIA.least]
     came = f"; nearest {'comes' if len(nearest) == 1 else 'come'} {listed(nearest)}" if nearest else ""
-    return f"Missing: something that no known effect explains{came}."
+    return f"Missing: a residual that no candidate effect explains{came}."
 
 
 def _lead(lead: Lead) -> str:
@@ -177,7 +177,7 @@ def gap_sentence(d: Diagnosis) -> str:
     fall = 1.0 - best.after / best.before
     part = f"{percent(fall) if fall >= 0.01 else 'less than 1 %'} of the error of {best.channel}"
     figures = f"{small(best.before)} to {small(best.after)} {unit(best.unit)}".strip()
-    who = "it takes" if one else "they take"
+    who = "it removes" if one else "they remove"
     return f"{where} {who} {part} {best.horizon:.2g} s ahead ({figures})."
 
 
@@ -231,7 +231,7 @@ def remainder_sentence(d: Diagnosis) -> str:
     >>> log = read_log(sample_path()).between(0.0, 15.0)
     >>> found = diagnose(hc.vehicle("c17_experiment"), [log], names=["slope"])
     >>> remainder_sentence(found)
-    'What remains: nothing beyond noise.'
+    'Unmodelled residual: none beyond noise.'
     """
     left = [r for r in d.remainders if r.there]
     slow = [
@@ -241,13 +241,13 @@ def remainder_sentence(d: Diagnosis) -> str:
     if not left:
         near = listed([f"{effect_words(t.name)} gains {t.gain:.3g}" for t in d.selection.undecided])
         doubt = f"nothing sure, but {near} in twice the log likelihood"
-        return f"What remains: {listed(slow) or (doubt if near else 'nothing beyond noise')}."
+        return f"Unmodelled residual: {listed(slow) or (doubt if near else 'none beyond noise')}."
     sizes = listed([f"{small(r.rms)} {unit(r.unit)} in {prime(r.equation)}" for r in left])
     same = [m for m in d.missing_after if any(m.equation == r.equation for r in left)]
     where = prime(regime(same))
     most = "" if where.startswith("nowhere") else f"; it is largest {where}"
-    said = f"{sizes} (averaged over {left[0].over:.2g} s), that no known effect explains{most}"
-    return f"What remains: {'; '.join([said, *slow])}."
+    said = f"{sizes} (averaged over {left[0].over:.2g} s){most}"
+    return f"Unmodelled residual: {'; '.join([said, *slow])}."
 
 
 def verdict(m: Context) -> str:

@@ -187,7 +187,7 @@ def _shown(name: str, e: Evidence, own: Gained, criteria: Criteria) -> Decision:
         for rule, value, limit in (
             ("t of the gain on held-out logs, at least", own.t, criteria.confirmed),
             ("mean t of the fall of held-out errors, at least", _mean(e.holdout), criteria.better),
-            ("fraction of the held-out error that it takes, at least", taken, criteria.most),
+            ("fraction of the held-out error that it removes, at least", taken, criteria.most),
         )
     ]
     rule = "standard error of the gain up to which held-out logs cannot judge"

@@ -82,7 +82,7 @@ def leads(
             asked = criteria.least + criteria.each * len(s.parts)
             reason = f"gains {s.gain:.3g} in twice the log likelihood, {asked:g} are asked for"
         elif s.p_value > criteria.level / max(len(seen), 1):
-            reason = f"blocks of the logs do not agree on it (t = {score_t:.1f})"
+            reason = f"segments of the logs do not agree on it (t = {score_t:.1f})"
         elif s.candidate.trial.mistaken_for:
             reason = ASKED_FOR
         else:

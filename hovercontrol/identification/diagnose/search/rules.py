@@ -108,11 +108,11 @@ def tests_of(
         rule = "an effect of many numbers must leave only noise"
         rows.append(row(rule, math.nan, math.nan, False, "its many numbers do not explain all"))
     p, spread = criteria.level / max(looked_at, 1), criteria.spread(looked_at)
-    reason = f"blocks of the logs do not agree on it (t = {b.t:.1f}, {b.same_sign} of {b.n} with its sign)"
-    rows.append(row("p-value of its size over blocks, at most", b.p_value, p, b.p_value <= p, reason))
+    reason = f"segments of the logs do not agree on it (t = {b.t:.1f}, {b.same_sign} of {b.n} with its sign)"
+    rows.append(row("p-value of its size over segments, at most", b.p_value, p, b.p_value <= p, reason))
     if b.n >= criteria.blocks:
-        reason = f"its size differs from block to block by {100 * b.spread:.0f} %"
-        rule = "spread of its size from block to block, at most"
+        reason = f"its size differs from segment to segment by {100 * b.spread:.0f} %"
+        rule = "spread of its size from segment to segment, at most"
         rows.append(row(rule, b.spread, spread, b.spread <= spread, reason))
     return rows
 
