@@ -159,8 +159,7 @@ def _read_source(
     conversions |= conversions_of_file(str(file), stated, names, conversions, units)
     if trial and trial not in names:
         raise ArgumentError(f"{file}: no column {trial!r} to tell trials by{did_you_mean(trial, names)}")
-    known_units = {"time": "s", **wanted.inputs}
-    needed = {name: known_units.get(name, "") for name in (*known_units, *(usecols or ()), trial) if name}
+    needed = wanted.needed(*(usecols or ()), *filter(None, [trial]))
     replace(wanted, inputs=needed).check(str(file), list(names), stated)
     if usecols is not None:
         names = {ours: theirs for ours, theirs in names.items() if ours in needed}

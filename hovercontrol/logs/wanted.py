@@ -62,6 +62,10 @@ class Wanted:
         seen = {s.name: s.unit for s in (*block.outputs, *block.states) if s.name not in own}
         return cls({**more, **own}, {} if craft else seen, motion or craft)
 
+    def needed(self, *more: str) -> dict[str, str]:
+        """Return the columns that are all required, and their units: time, inputs and further ones."""
+        return {"time": "s"} | dict(self.inputs) | {name: self.inputs.get(name, "") for name in more}
+
     def check(self, file: str, names: Sequence[str], units: Mapping[str, str] | None = None) -> None:
         """Raise if a file lacks columns.
 

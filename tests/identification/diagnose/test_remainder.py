@@ -1,4 +1,4 @@
-"""What remains in each equation: gusts of a known size, before and behind what was named."""
+"""Unmodelled residual in each equation: gusts of a known size, before and behind what was named."""
 
 import numpy as np
 import pytest
