@@ -20,11 +20,14 @@ from typing import Any
 import numpy as np
 
 import hovercontrol as hc
+from benchmarks import real_craft, real_logs
 from benchmarks.fleet_logs import CART, DAILY, NOMINAL, Craft, write, write_carts
 from benchmarks.fleet_logs import fleet as drawn
 from hovercontrol.identification.fleet import Fleet
 from hovercontrol.identification.fleet.findings import coefficients
 from hovercontrol.identification.fleet.run import _each, executor
+from hovercontrol.logs import BenchTable, Condition
+from hovercontrol.logs.reader import Reader
 
 Row = tuple[str, str, str, bool | None]
 FLEETS, DAY = 40, 86400.0
@@ -159,6 +162,31 @@ def workers() -> Iterator[Row]:
         yield "processor time of client and scheduler a task", f"{spent_:.1f} ms", "", None
 
 
+def real() -> Iterator[Row]:
+    """Yield what differs between real craft: six fans in October and in March, four fans in four runs."""
+    if not real_craft.DATA.exists():
+        yield "real logs", f"not at {real_craft.DATA}", "", None
+        return
+    with tempfile.TemporaryDirectory() as made:
+        for name, folder in (("h1", "october"), ("h1_blue", "march")):
+            log = real_craft.holohover(name)
+            Path(made, folder).mkdir()
+            for begin in (0.0, 20.0, 40.0):
+                log.between(begin, begin + 10.0).save(Path(made, folder, f"from_{begin:.0f}_s.csv"))
+        found = hc.fleet(real_craft.fan_craft(0.1412), [made], out=Path(made, "out"))
+    yield from (("six fans, three pieces of 10 s each", line, "", None) for line in found.text().splitlines())
+    read = Reader(
+        hc.vehicle("four_fan"),
+        bench=BenchTable.from_csv(real_logs.DATA / "thrust_bench.csv", fans=2),
+        only_while=Condition.parse("pwm_lift>1000"),
+        settle=1.0,
+    )
+    runs = [f"{real_logs.DATA}/run_{r}_pose.csv+{real_logs.DATA}/run_{r}_command.csv" for r in "abcd"]
+    with tempfile.TemporaryDirectory() as made:
+        found = hc.fleet(hc.vehicle("four_fan"), runs, by=r"run_(\w)_pose", read=read, out=made)
+    yield from (("four fans, each run as a craft", line, "", None) for line in found.text().splitlines())
+
+
 def kills(times: int = 20) -> Iterator[Row]:
     """Yield what is left after a worker and the client are killed by turns, each with SIGKILL."""
     with tempfile.TemporaryDirectory() as made:
@@ -239,4 +267,5 @@ def rows() -> Iterator[Row]:
     yield from statistics()
     yield from workers()
     yield from kills()
+    yield from real()
     yield from logs()

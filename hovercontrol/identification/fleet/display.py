@@ -16,9 +16,9 @@ from hovercontrol.base.html import fold
 from hovercontrol.base.percent import percent
 from hovercontrol.base.svg import Plot
 from hovercontrol.identification.diagnose.report.page import page as html_page
-from hovercontrol.identification.fleet.findings import Coefficient
+from hovercontrol.identification.fleet.findings import Coefficient, left
 from hovercontrol.identification.fleet.random_effects import LEVEL
-from hovercontrol.identification.fleet.sources import bare_reason, file_name
+from hovercontrol.identification.fleet.sources import DATED, bare_reason, file_name
 from hovercontrol.identification.fleet.trends import LEAST, Trend
 
 if TYPE_CHECKING:
@@ -42,6 +42,7 @@ def sentences(fleet: Fleet) -> Iterator[str]:
     good = len(fleet.results) - len(fleet.refused)
     yield f"{good} of {len(fleet.results)} logs of {len(fleet.craft)} craft used; model {fleet.model.name}"
     yield from (_common(c, len(fleet.craft)) for c in fleet.common)
+    yield from _left(fleet)
     found = [*_faults(fleet), *_off(fleet), *_changes(fleet), *_few(fleet)]
     yield from found
     if not (found or fleet.common):
@@ -62,6 +63,14 @@ def _common(c: Common, craft: int) -> str:
         f"the model lacks {c.name}, in {c.craft} of {craft} craft: with it the missing acceleration in {at} "
         f"falls from {before:.2g} to {after:.2g} {unit}, {percent(c.taken)} of its mean square{rivals}"
     )
+
+
+def _left(fleet: Fleet) -> Iterator[str]:
+    """Yield what the model, with these effects, leaves of the accelerations of all logs."""
+    every = left(fleet.results.values()).items()
+    parts = [f"{rms:.2g} of {seen:.2g} {unit} in {equation}" for equation, (rms, seen, unit) in every]
+    if parts:
+        yield f"of the accelerations seen there remain {', '.join(parts)}"
 
 
 def _faults(fleet: Fleet) -> Iterator[str]:
@@ -147,6 +156,9 @@ def _clocks(fleet: Fleet) -> Iterator[str]:
         yield f"{kinds['']} logs tell no date, by their names or clocks: left out where changes are sought"
     if kinds["name"] and kinds["clock"]:
         yield f"dates are of two kinds: of {kinds['name']} logs by name, of {kinds['clock']} by clock"
+    lost = sorted({r["craft"] for r in fleet.results.values() if r.get("craft")} - set(fleet.craft))
+    if lost:
+        yield f"no log can be used of {len(lost)} craft: {', '.join(lost[:SHOWN])}"
     short = [n for n, k in Counter(r["craft"] for r in used).items() if k < LEAST]
     if short and len(used) > len(fleet.craft):
         some = ", ".join(sorted(short)[:SHOWN])
@@ -170,6 +182,7 @@ def body(fleet: Fleet) -> list[str]:
     head = f"{len(off)} of {len(fleet.craft)} craft to look at" if off else "No craft stands out"
     used = f"{good} of {len(fleet.results)} logs used · model {escape(fleet.model.name)}"
     common = [_common(c, len(fleet.craft)) for c in fleet.common] or ["nothing beyond noise in most craft"]
+    common += _left(fleet)
     own = [*_faults(fleet), *_off(fleet), *_changes(fleet), *_few(fleet)] or ["none"]
     return [
         f"{_STYLE}<p class=kicker>{used}</p><h1>{head}</h1>",
@@ -302,6 +315,6 @@ def _pm(value: float, std: float, unit: str = "") -> str:
 
 def _date(when: float) -> str:
     """Return a day; without dates, the place in the order of logs."""
-    if when < 1e7:
+    if when < DATED:
         return f"log {math.ceil(when) + 1}"
     return datetime.fromtimestamp(when, tz=UTC).strftime("%Y-%m-%d")

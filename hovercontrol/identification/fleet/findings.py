@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -111,9 +111,10 @@ class _Estimates:
         self.y, self.noise, self.std = (
             np.array([c[key] for *_, c in every]) for key in ("value", "noise_std", "std")
         )
-        dates = [r["time"] for _, r, _ in every]  # without any, the order of names
-        known = any(t is not None for t in dates)
-        self.time = np.array([np.nan if t is None else t for t in dates] if known else self.row, dtype=float)
+        dates = [r["time"] for _, r, _ in every]
+        if all(t is None for t in dates):  # the order of names, in each craft
+            dates = [int((self.craft[:k] == i).sum()) for k, i in enumerate(self.craft)]
+        self.time = np.array([np.nan if t is None else t for t in dates], dtype=float)
         self.dated = np.isfinite(self.time)
 
     def changes(self, d: Array, use: NDArray[np.bool_], dof: int) -> dict[str, Trend]:
@@ -211,11 +212,14 @@ def suspects(results: Sequence[Result]) -> dict[str, list[Result]]:
     return found
 
 
-def left(results: Sequence[Result]) -> dict[str, tuple[float, float, str]]:
+def left(results: Iterable[Result]) -> dict[str, tuple[float, float, str]]:
     """Return for each equation the missing acceleration of all logs, that seen (rms), and the unit."""
-    found: dict[str, tuple[float, float, str]] = {}
-    for equation in {e: None for r in results for e in r.get("remaining", ())}:
-        own = [r["remaining"][equation] for r in results if equation in r.get("remaining", ())]
+    every: dict[str, list[Mapping[str, Any]]] = {}
+    for r in results:
+        for equation, one in r.get("remaining", {}).items():
+            every.setdefault(equation, []).append(one)
+    found = {}
+    for equation, own in every.items():
         rms, seen = (float(np.sqrt(np.mean([o[key] ** 2 for o in own]))) for key in ("rms", "seen"))
         found[equation] = (rms, seen, own[0]["unit"])
     return found

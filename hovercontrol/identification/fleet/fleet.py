@@ -27,7 +27,7 @@ from hovercontrol.identification.fleet.findings import (
     middle_values,
     suspects,
 )
-from hovercontrol.identification.fleet.run import Report, Store, each_of, executor, key_of, run
+from hovercontrol.identification.fleet.run import Report, Store, each_of, executor, key_of, model_text, run
 from hovercontrol.identification.fleet.sources import By, bare_reason, digest, file_name, find
 from hovercontrol.identification.fleet.worker import Work
 from hovercontrol.logs.reader import Reader
@@ -288,7 +288,9 @@ class _Crew:
         return self._run({log: replace(work, logs=(log,)) for log in logs}, what)
 
     def _run(self, tasks: Mapping[str, Work], what: str) -> dict[str, dict[str, Any]]:
-        keys = {name: key_of(task, self.digests) for name, task in tasks.items()}
+        models = {id(task.model): task.model for task in tasks.values()}
+        texts = {k: model_text(model) for k, model in models.items()}
+        keys = {name: key_of(task, texts[id(task.model)], self.digests) for name, task in tasks.items()}
         report: Report = lambda done, total: self.said(done / max(total, 1), f"{what}: {done} of {total}")  # noqa: E731
         found = run(self.given, self.store, {keys[n]: task for n, task in tasks.items()}, report)
         self.spent += sum(r.get("seconds", 0.0) for r in found.values())

@@ -20,6 +20,7 @@ import hovercontrol
 from hovercontrol.base.errors import InputError, one_line
 from hovercontrol.base.files import write_quietly
 from hovercontrol.blocks.backends.executors import cluster
+from hovercontrol.identification.engine.subject import Subject
 from hovercontrol.identification.fleet.worker import Work, done
 
 T = TypeVar("T")
@@ -57,16 +58,26 @@ class Store:
         write_quietly(self._file(key), lambda file: file.write_bytes(whole))
 
 
-def key_of(work: Work, digests: Mapping[str, str]) -> str:
+def model_text(model: Subject) -> str:
+    """Return what says all of a model, the same in every process."""
+    return f"{model.plant().content_hash} {model.effects!r}"
+
+
+def key_of(work: Work, model: str, digests: Mapping[str, str]) -> str:
     """Return the name of a task's result.
 
     The logs' addresses belong to it, since they may say the craft and the day.
+
+    Parameters
+    ----------
+    model : str
+        :func:`model_text` of its model, which takes time.
+    digests : mapping of str to str
+        Digest of each log's bytes.
     """
-    said = [
-        hovercontrol.__version__, work.kind, [(log, digests[log]) for log in work.logs],
-        work.model.plant().content_hash, repr(work.model.effects), str(work.read),
-        work.by, work.added, work.fixed,
-    ]  # fmt: skip
+    logs = [(log, digests[log]) for log in work.logs]
+    how = [model, str(work.read), work.by, work.added, work.fixed]
+    said = [hovercontrol.__version__, work.kind, logs, *how]
     return hashlib.sha256(json.dumps(said).encode()).hexdigest()
 
 

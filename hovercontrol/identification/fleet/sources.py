@@ -27,8 +27,8 @@ DATE = re.compile(
     r"(?:[T_ -]?([01]\d|2[0-3])[-:_h]?([0-5]\d)(?:[-:_m]?([0-5]\d))?)?(?!\d)"
 )
 
-#: Stamps before this time [s] count from the start of a recorder, not from 1970.
-_CALENDAR = datetime(2000, 1, 1, tzinfo=UTC).timestamp()
+#: Times before this one [s] count from the start of a recorder, or logs, not from 1970.
+DATED = datetime(2000, 1, 1, tzinfo=UTC).timestamp()
 
 
 def find(logs: Sequence[str], out: Path) -> list[str]:
@@ -221,4 +221,4 @@ def recorded(address: str, log: Log) -> tuple[float | None, str]:
             except ValueError:  # 30 February
                 continue
     begin = 1e-9 * log.origin + float(log.time[0]) if log.origin else 0.0
-    return (begin, "clock") if begin > _CALENDAR else (None, "")
+    return (begin, "clock") if begin > DATED else (None, "")

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import pyarrow as pa
 import pyarrow.parquet
 
+from hovercontrol.identification.fleet.sources import DATED
 from hovercontrol.identification.fleet.trends import Trend
 
 if TYPE_CHECKING:
@@ -98,7 +99,7 @@ def _table(rows: Sequence[Mapping[str, Any]], columns: Mapping[str, pa.DataType]
 
 
 def _value(value: Any, kind: pa.DataType) -> Any:
-    """Return a cell: times from seconds since 1970, None for NaN and empty text."""
-    if value is None or value == "" or value != value:
+    """Return a cell: times from seconds since 1970, None for NaN, empty text and logs without dates."""
+    if value is None or value == "" or value != value or (kind == _TIME and value < DATED):
         return None
     return datetime.fromtimestamp(value, tz=UTC) if kind == _TIME else value

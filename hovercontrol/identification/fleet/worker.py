@@ -6,7 +6,7 @@ import tempfile
 import time
 import warnings
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -67,6 +67,9 @@ def done(work: Work) -> dict[str, Any]:
         found = {"refused": str(error)}
     except (OSError, MemoryError, ArithmeticError, ValueError, TypeError, LookupError, RuntimeError) as error:
         found = {"refused": one_line(f"unexpected {type(error).__name__}: {error}")}  # one log ends no fleet
+    if "refused" in found and work.kind == "identify":
+        with suppress(InputError, OSError, ValueError):
+            found["craft"] = By(work.by).craft(work.logs[0], None)
     result: dict[str, Any] = plain(found)
     return result | {"seconds": time.process_time() - begin}
 

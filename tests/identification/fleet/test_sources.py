@@ -1,15 +1,23 @@
 """Where logs are, of which craft they are, and when they were recorded."""
 
 from datetime import UTC, datetime
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from threading import Thread
 
-import numpy as np
 import pytest
 
 from hovercontrol import InputError, Log
-from hovercontrol.identification.fleet.sources import By, find, recorded
+from hovercontrol.identification.fleet.sources import By, digest, find, local, recorded
 
+OUT = Path("out")
 LOG = Log("a.csv", [0.0, 1.0], {"x": [0.0, 1.0]})
+
+
+class Quiet(SimpleHTTPRequestHandler):
+    def log_message(self, *_):
+        pass
 
 
 @pytest.mark.parametrize(
@@ -67,15 +75,30 @@ def test_a_folder_gives_its_logs_but_not_the_results_in_it(tmp_path):
 
 
 def test_logs_on_another_file_system_are_found_and_read():
-    fsspec = pytest.importorskip("fsspec")
-    from hovercontrol.identification.fleet.sources import digest, local
-
-    memory = fsspec.filesystem("memory")
+    memory = pytest.importorskip("fsspec").filesystem("memory")
     memory.pipe("/fleet/boat1/2026-11-28.csv", b"time,x\n0,1\n")
-    (one,) = find(["memory://fleet"], Path("out"))
-    assert one.startswith("memory://") and By("folder").craft(one, None) == "boat1" and len(digest(one)) == 64
+    (one,) = find(["memory://fleet"], OUT)
+    assert By("folder").craft(one, None) == "boat1" and len(digest(one)) == 64
     with local(one) as path:
         assert Path(path).read_text() == "time,x\n0,1\n"
     with pytest.raises(InputError, match="Protocol not known"):
-        find(["nowhere://x"], Path("out"))
-    assert np.isfinite(recorded(one, LOG)[0])
+        find(["nowhere://x"], OUT)
+
+
+def test_logs_of_a_server_are_found_and_read_and_no_server_is_one_line(tmp_path):
+    pytest.importorskip("fsspec")
+    pytest.importorskip("aiohttp")
+    (tmp_path / "boat1").mkdir()
+    (tmp_path / "boat1" / "2026-11-28.csv").write_text("time,x\n0,1\n")
+    handler = partial(Quiet, directory=str(tmp_path))
+    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        Thread(target=server.serve_forever, daemon=True).start()
+        address = f"http://127.0.0.1:{server.server_port}/"
+        (one,) = find([address], OUT)
+        assert By("folder").craft(one, None) == "boat1"
+        assert digest(one) == digest(str(tmp_path / "boat1" / "2026-11-28.csv"))
+        with pytest.raises(InputError, match="no log there"):
+            find([f"{address}boat2/"], OUT)
+        server.shutdown()
+    with pytest.raises(InputError, match=r"http://127\.0\.0\.1:\d+/: cannot be reached"):
+        find([address], OUT)
