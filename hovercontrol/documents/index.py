@@ -155,9 +155,9 @@ def _page(outcomes: Sequence[Outcome], documents: Sequence[str]) -> str:
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
         f"<title>{names} rebuilt</title><style>{STYLE}</style></head><body>"
         f"<h1>{names} rebuilt</h1>{sources}"
-        f"<p>hovercontrol {escape(hovercontrol.__version__)} has computed {len(outcomes)} tables, figures "
-        f"and results again: {said}. Each verdict is computed from the numbers that the document prints and "
-        "the tolerance stated beside each; a number that ours was fitted to tests nothing.</p>"
+        f"<p>hovercontrol {escape(hovercontrol.__version__)} has computed {len(outcomes)} of the tables, "
+        f"figures and results again: {said}. Each verdict is computed from the numbers that the document "
+        "prints and the tolerance stated beside each; a number that ours was fitted to tests nothing.</p>"
         f"<dl>{means}</dl>"
         f"<p>Where each equation, table and figure stands in the code: {links}.</p>"
         f'<div class="wide"><table>{head}{rows}</table></div>{sections}{lists}</body></html>\n'
@@ -251,5 +251,6 @@ def _code_table(document: str) -> str:
 def _place(entry: Mapping[str, Any]) -> str:
     if entry["places"]:
         said = "" if entry["drawn"] else "not drawn again, a diagram of what stands at "
-        return f'<td>{said}<span class="place">{escape(", ".join(entry["places"]))}</span></td>'
+        places = escape(", ".join(entry["places"])).replace("/", "/<wbr>")
+        return f'<td>{said}<span class="place">{places}</span></td>'
     return f"<td>{escape(entry['without_code'] or 'no place yet')}</td>"

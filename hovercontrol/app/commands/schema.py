@@ -22,14 +22,18 @@ def schema(
                 "result", "fmu", "monitor", "monitor_event", "simulation", "sweep", "model", "scenario"
             ),
         ),
-    ],
+    ] = "",
 ) -> int:
     """Print the JSON Schema of results, of model files or of scenario files.
 
     Editors complete and check TOML with it: put '#:schema model.schema.json' in the first line of the file.
     """
+    from hovercontrol.app.schema import KINDS
     from hovercontrol.app.schema import schema as made
+    from hovercontrol.base.errors import InputError
     from hovercontrol.base.plain_json import json_text
 
+    if not kind:
+        raise InputError(f"schema: expected a kind of file: {', '.join(KINDS)}")
     sys.stdout.write(json_text(made(kind)))
     return 0

@@ -29,6 +29,7 @@ def refuse_unmovable(
     *,
     every: bool,
     sampled: bool = False,
+    frictions: Sequence[str] = (),
 ) -> None:
     """Raise if a system has an uncontrollable mode.
 
@@ -44,6 +45,8 @@ def refuse_unmovable(
         Whether all modes must be movable (pole placement), or only those that do not decay.
     sampled : bool, optional
         Whether the plant is sampled.
+    frictions : sequence of str, optional
+        States at rest whose dry friction the linear model leaves out.
 
     Raises
     ------
@@ -62,10 +65,12 @@ def refuse_unmovable(
     found = hidden_mode(A, B, every=every, sampled=sampled)
     if found is not None:
         pole, left = found
+        moved = [name for name in frictions if abs(left[names.index(name)]) > 1e-6 * np.abs(left).max()]
+        of = f", or have the dry friction of {' and '.join(moved)} in the linear model (friction='smooth')"
         raise InputError(
             f"{where}: {' and '.join(inputs)} cannot move the mode at {_pole(pole, sampled)}, "
             f"the state combination {combination(left, names)}; "
-            "leave it out (states=...) or choose another operating point"
+            f"leave it out (states=...) or choose another operating point{of if moved else ''}"
         )
 
 

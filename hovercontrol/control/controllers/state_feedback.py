@@ -257,7 +257,10 @@ def refuse_unsolvable(where: str, design: Design, Q: Array) -> None:
     """
     A, B = design.with_integrals()
     names, sampled = [*design.names, *design.integral_names], design.period > 0.0
-    refuse_unmovable(where, A, B, names, design.input_names, every=False, sampled=sampled)
+    frictions = [design.names[f.state] for f in design.frictions]
+    refuse_unmovable(
+        where, A, B, names, design.input_names, every=False, sampled=sampled, frictions=frictions
+    )
     refuse_unweighted(where, A, Q, names, sampled=sampled)
     warn_of_unmoved(where, A, B, Q, names, design.input_names)
 

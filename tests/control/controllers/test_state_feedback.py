@@ -320,6 +320,17 @@ def test_a_craft_at_rest_cannot_be_steered_and_the_line_names_the_mode():
     assert "psi" in text
 
 
+def test_a_mode_that_only_dry_friction_damps_is_named_with_the_option_that_has_its_slope():
+    dry = hc.vehicle("c17_simulation").without_effects("sway_linear_drag")
+    plant = dry.with_effects([hc.effect("sway_coulomb", 0.3)]).plant()
+    at, weights = plant.trim({"u": 1.0, "r": 0.0, "psi": 0.0}), ({"y": 4.0, "psi": 2.0}, {"rudder": 3.0})
+    assert "have the dry friction of v and r in the linear model (friction='smooth')" in refusal(
+        hc.lqr, plant, at, *weights
+    )
+    with pytest.warns(hc.SmoothedFrictionWarning):
+        hc.lqr(plant, at, *weights, friction="smooth")
+
+
 @pytest.mark.parametrize("period", [None, 0.1])
 def test_an_input_without_effect_at_the_operating_point_is_named(period):
     x, z, u, w = (hc.Signal(name, unit) for name, unit in zip("xzuw", ["m", "m", "m/s", "m/s"], strict=True))

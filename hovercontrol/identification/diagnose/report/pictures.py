@@ -91,7 +91,7 @@ def blocks_of(title: str, blocks: Blocks, scale: Scale) -> str:
     for log in np.unique(blocks.log[shown]).tolist():
         own = shown[blocks.log[shown] == log]
         plot.dots(at[own], y[own], half[own], f"log{log % COLOURS}")
-    return plot.svg(_bracketed(scale.unit), "block")
+    return plot.svg(_bracketed(scale.unit), "segment")
 
 
 def telling(blocks: Blocks) -> NDArray[np.bool_]:
