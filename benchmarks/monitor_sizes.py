@@ -134,7 +134,10 @@ def loop_of(machine: Machine, model: AnyModel) -> hc.Block:
 
 
 def runs_of(machine: Machine, name: str, size: float, seeds: Sequence[int]) -> Iterator[dict[str, Array]]:
-    """Yield measured channels and commands of loops in which a change sets in."""
+    """Yield measured channels and commands of loops in which a change sets in.
+
+    ``push_NAME`` is a constant acceleration, ``NAME_bias`` and ``NAME_scale`` are errors of a sensor.
+    """
     model, first = as_model(machine.model), loop_of(machine, machine.model)
     own = {model.coefficient_name(key): key for key in model.coefficients()}
     then, params = first, {}
@@ -142,7 +145,7 @@ def runs_of(machine: Machine, name: str, size: float, seeds: Sequence[int]) -> I
         key = f"{model.plant().name}.{own[name].rpartition('.')[2]}"
         key = next(p.name for p in first.parameters if p.name.endswith(key.rpartition(".")[2]))
         params = {key: float(first.parameter(key).start) + size}
-    elif not name.endswith("_bias"):
+    elif not name.endswith(("_bias", "_scale")) and not name.startswith("push_"):
         cls = model.effect_class(name)
         number = next(k for k, n in cls.numbers.items() if not np.isnan(n.neutral))
         then = loop_of(machine, model.with_effects([cls(**{number: size})]))
@@ -161,13 +164,15 @@ def runs_of(machine: Machine, name: str, size: float, seeds: Sequence[int]) -> I
                 if s.name.endswith(f"{command}_lagged"):
                     start[s.name] = float(one.outputs[names.index(command), -1])
         start = {s.name: start[s.name] for s in then.states if s.name in start}
+        if name in push:
+            push[name] = push[name] + size * (t >= ONSET)
         two = then.compile().simulate(
             t[k:], {n: v[k:] for n, v in push.items()}, x0=start, params=params, hold="zero"
         )
         found = dict(zip(names, np.hstack([one.outputs[:, :-1], two.outputs]), strict=True))
         for n, std in machine.noise.items():
-            biased = size * (t >= ONSET) if name == f"{n}_bias" else 0.0
-            found[n] = found[n] + std * rng.normal(size=t.size) + biased
+            wrong = {f"{n}_bias": 1.0, f"{n}_scale": found[n]}.get(name, 0.0) * size * (t >= ONSET)
+            found[n] = found[n] + std * rng.normal(size=t.size) + wrong
         yield {n: found[n] for n in names if n in machine.noise or n not in machine.process}
 
 
@@ -181,11 +186,16 @@ def motion(machine: Machine) -> hc.Log:
     )
 
 
-def cells(machine: Machine, label: str, runs: int) -> Iterator[tuple[str, str, str, bool | None]]:
-    watch = hc.monitor(
+def monitor_of(machine: Machine) -> hc.Block:
+    """Return the monitor of a machine, with one false alarm an hour."""
+    return hc.monitor(
         machine.model, list(machine.changes), false_alarms_per_hour=1.0, period=PERIOD,
         process_noise=machine.process, measurement_noise=machine.noise, motion=motion(machine),
     )  # fmt: skip
+
+
+def cells(machine: Machine, label: str, runs: int) -> Iterator[tuple[str, str, str, bool | None]]:
+    watch = monitor_of(machine)
     compiled, every = watch.compile(), named_effects(watch)
     outputs = [s.name for s in watch.outputs]
     for name, sizes in machine.changes.items():

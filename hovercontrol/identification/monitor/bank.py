@@ -130,6 +130,7 @@ def write_bank(
     windows: int,
     first: int,
     dispersion: Sequence[sp.Expr],
+    tested: int,
     many: Sequence[sp.Expr],
     jump: sp.Expr,
     hold: sp.Expr,
@@ -154,6 +155,8 @@ def write_bank(
         W, and the number of ticks after which window 0 begins anew.
     dispersion : sequence of sympy.Expr
         phi of each candidate.
+    tested : int
+        Number of candidates that raise an alarm, the first ones.
     many : sequence of sympy.Expr
         1 for each measurement that is not limited.
     jump : sympy.Expr
@@ -178,21 +181,22 @@ def write_bank(
         for j in range(len(forced))
     ]
     found = [
-        _window(write, memory, w, plant, M, C, columns, seen, limited, dispersion) for w in range(windows)
+        _window(write, memory, w, plant, M, C, columns, seen, limited, dispersion, tested)
+        for w in range(windows)
     ]
     for w, window in enumerate(found):
         for key, value in window.values.items():
             earlier = found[w - 1].values[key.replace(f"[{w}", f"[{w - 1}", 1)] if w else window.fresh[key]
             memory.following[key] = chosen(moved[w] > sp.S.Half, earlier, value)
 
-    def by_candidate(key: str) -> list[list[sp.Expr]]:
-        return [[w.values[f"{key}[{k},{j}]"] for k, w in enumerate(found)] for j in range(len(columns))]
+    def by_candidate(key: str, count: int = len(columns)) -> list[list[sp.Expr]]:
+        return [[w.values[f"{key}[{k},{j}]"] for k, w in enumerate(found)] for j in range(count)]
 
     return Bank(
         states=tuple(memory.states),
         next_values=memory.following,
         score=by_candidate("b"),
-        limited_score=by_candidate("limited_b"),
+        limited_score=by_candidate("limited_b", tested),
         information=by_candidate("J"),
         energy=[w.values[f"energy[{k}]"] for k, w in enumerate(found)],
         age=[w.values[f"age[{k}]"] for k, w in enumerate(found)],
@@ -333,6 +337,7 @@ def _window(
     seen: Sequence[sp.Expr],
     limited: Sequence[sp.Expr],
     dispersion: Sequence[sp.Expr],
+    tested: int,
 ) -> _Window:
     """Write a window's transition matrix, age, energy, and the sums b, limited b and J of each candidate."""
     n = len(plant)
@@ -362,8 +367,9 @@ def _window(
         sums = {
             "b": (f"score of candidate {j} in window {w}", _dot(eta, seen)),
             "J": (f"information on candidate {j} in window {w}", _dot(eta, eta)),
-            "limited_b": (f"b[{w},{j}] of limited innovations", _dot(eta, limited)),
         }
+        if j < tested:
+            sums["limited_b"] = f"b[{w},{j}] of limited innovations", _dot(eta, limited)
         for key, (text, more) in sums.items():
             value = memory.state(f"{key}[{w},{j}]", "1", text)
             now = f"{key.removesuffix('_b')}_now[{w},{j}]"

@@ -80,6 +80,13 @@ class Candidate:
     number: sp.Symbol | None = None
     law: dict[str, sp.Expr] = field(default_factory=dict)
 
+    def like(self, other: Candidate) -> bool:
+        """Return whether this is a constant change where the other one is."""
+        mine, its = ({"rates": c.rates.keys(), "seen": c.seen.keys()} for c in (self, other))
+        own = {p.symbol for p in self.parameters} | ({self.number} if self.number else set())
+        held = all(e.free_symbols <= own for e in (*self.rates.values(), *self.seen.values()))
+        return held and not self.memory and not self.delay and mine == its
+
     @property
     def signed(self) -> bool:
         """Whether the coefficient may be on either side of its neutral value."""
@@ -135,6 +142,33 @@ def candidates_of(
     return found
 
 
+def unknowns_of(
+    plant: Block, driven: Sequence[str], measured: Sequence[str], candidates: Sequence[Candidate]
+) -> list[Candidate]:
+    """Return changes of any cause: an acceleration in the equation of each driven state, an offset of each sensor.
+
+    An offset that is a candidate is left out.
+    """
+    per, found = "" if plant.period else "/s", []
+    for name in driven:
+        key, unit = f"unknown_{name}", f"({plant.signal(name).unit}){per}"
+        scale = unit_change(f"scale_{key}", unit, 1.0)
+        found.append(Candidate(key, unit, sp.S.Zero, 1.0, rates={name: scale.symbol}, parameters=(scale,)))
+    known = {c.name for c in candidates}
+    biases = (_bias(plant, channel, "unknown_") for channel in measured if f"{channel}_bias" not in known)
+    return [*found, *biases]
+
+
+def _bias(plant: Block, channel: str, prefix: str = "") -> Candidate:
+    """Return the change of a sensor's offset."""
+    name, unit = (
+        f"{prefix}{channel}_bias",
+        plant.signal(output_for_channel([s.name for s in plant.outputs], channel)).unit,
+    )
+    scale = unit_change(f"scale_{name}", unit, 1.0)
+    return Candidate(name, unit, sp.S.Zero, 1.0, seen={channel: scale.symbol}, parameters=(scale,))
+
+
 def _made(
     model: Craft,
     plant: Block,
@@ -150,9 +184,7 @@ def _made(
         return [_of_coefficient(plant, one, measured, name)]
     channel = one.removesuffix("_bias")
     if one.endswith("_bias") and channel in measured:
-        unit = plant.signal(output_for_channel([s.name for s in plant.outputs], channel)).unit
-        scale = unit_change(f"scale_{one}", unit, 1.0)
-        return [Candidate(one, unit, sp.S.Zero, 1.0, seen={channel: scale.symbol}, parameters=(scale,))]
+        return [_bias(plant, channel)]
     try:
         cls = model.effect_class(one)
     except InputError:

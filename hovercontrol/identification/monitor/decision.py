@@ -76,6 +76,7 @@ def least_evidence(best: sp.Expr) -> sp.Expr:
 def decide(
     write: Equations,
     candidates: Sequence[Candidate],
+    unknowns: Sequence[Candidate],
     bank: Bank,
     plant: Sequence[Signal],
     after: sp.Matrix,
@@ -88,8 +89,6 @@ def decide(
     channels: Sequence[Signal],
     period: sp.Expr,
     sized: Mapping[int, Sized],
-    equations: Sequence[str],
-    accelerations: Sequence[sp.Matrix],
     moves: sp.Matrix,
     turns: Sequence[sp.Matrix],
     segment: int,
@@ -98,12 +97,14 @@ def decide(
 
     Parameters
     ----------
+    unknowns : sequence of Candidate
+        Unknown changes: numbers after those of the candidates.
     plant, after : sequence of Signal, and sympy.Matrix of shape (n, n)
         States of the filter, and the covariance of its prediction at the next tick.
     floors : sequence of Signal
-        J0 of each candidate.
+        J0 of each candidate and unknown change.
     limits : sequence of (sympy.Expr, sympy.Expr)
-        Bounds of each candidate's theta.
+        Bounds of the theta of each.
     latched : sympy.Expr
         1 if an alarm was raised before.
     settled : sympy.Expr
@@ -112,14 +113,14 @@ def decide(
         1 for each dead sensor, of `channels`.
     sized : mapping of int to Sized
         Candidates that are not proportional to their coefficient, by number from 0.
-    equations : sequence of str
-        States in whose equations an arbitrary acceleration is looked for.
-    accelerations, moves, turns, segment
+    moves, turns, segment
         As for :func:`~hovercontrol.identification.monitor.refined.refine`.
     """
     tests = [
         [likelihood(b, info + floor.symbol, *limit) for b, info in zip(row, infos, strict=True)]
-        for row, infos, floor, limit in zip(bank.limited_score, bank.information, floors, limits, strict=True)
+        for row, infos, floor, limit in zip(
+            bank.limited_score, bank.information, floors, limits, strict=False
+        )
     ]
     limited = [
         [write.define(f"limited_g[{w},{j}]", g) for w, g in enumerate(row)] for j, row in enumerate(tests)
@@ -130,19 +131,26 @@ def decide(
     )
     write.define("raised", sp.Piecewise((0, latched > sp.S.Half), (alarm, True)))
     told = alarm > sp.S.Half
-    unknown = Signal("unknown", "1", "number of the equation with an unknown acceleration; 0: none")
     refuted = [Signal(f"refuted[{j}]", "1", f"1 if {c.name} is refuted") for j, c in enumerate(candidates)]
-    lost = unknown.symbol > sp.S.Half
     scores = _scores(write, bank, floors, limits, limited, told)
     largest = [
         write.define(f"evidence_{c.name}", sp.Max(*row, evaluate=False))
-        for c, row in zip(candidates, scores, strict=True)
+        for c, row in zip([*candidates, *unknowns], scores, strict=True)
     ]
-    in_play = [  # evidence of a candidate that is not refuted
-        write.define(f"in_play[{j}]", chosen(sp.And(s.symbol > sp.S.Half, sp.Not(lost)), -sp.S.One, g))
-        for j, (s, g) in enumerate(zip(refuted, largest, strict=True))
+    J = len(candidates)
+    best = write.define("evidence", sp.Max(*largest[:J], evaluate=False))
+    most = write.define("most_evidence", sp.Max(best, *largest[J:], evaluate=False))
+    least = write.define("least", least_evidence(most))
+    possible = [sp.And(s.symbol < sp.S.Half, g >= least) for s, g in zip(refuted, largest, strict=False)]
+    named_at_all = write.define("any_possible", chosen(sp.Or(*possible), sp.S.One, sp.S.Zero))
+    lost = named_at_all < sp.S.Half
+    in_play = [
+        write.define(f"in_play[{j}]", chosen(p, g, -sp.S.One))
+        for j, (p, g) in enumerate(zip(possible, largest, strict=False))
     ]
-    best = write.define("evidence", sp.Max(*largest, evaluate=False))
+    in_play += [
+        write.define(f"in_play[{j}]", chosen(lost, g, -sp.S.One)) for j, g in enumerate(largest[J:], J)
+    ]
     likeliest = write.define("best_in_play", sp.Max(*in_play, evaluate=False))
     at = [(j, w) for j, row in enumerate(scores) for w in range(len(row))]
     tops = [sp.And(scores[j][w] >= in_play[j], in_play[j] >= likeliest) for j, w in at]
@@ -151,30 +159,40 @@ def decide(
         pairs = list(zip(values[:-1], tops[:-1], strict=True))
         return write.define(name, sp.Piecewise(*pairs, (values[-1], True), evaluate=False))
 
-    named = of_best("best", [sp.Integer(j + 1) for j, _ in at])
-    which = write.define("which", chosen(lost, len(candidates) + unknown.symbol, named))
+    which = of_best("which", [sp.Integer(j + 1) for j, _ in at])
     b = of_best("best_b", [bank.score[j][w] for j, w in at])
     info = sp.Max(of_best("best_J", [bank.information[j][w] for j, w in at]), 1e-300)
     of_best("best_window", [sp.Integer(w) for _, w in at])
     age = of_best("best_age", [bank.age[w] for _, w in at])
     energy = of_best("best_energy", [bank.energy[w] for _, w in at])
-    start = Start(b / info, best, info, energy, len(channels) * age)
+    start = Start(b / info, most, info, energy, len(channels) * age)
     refined = refine(
-        write, bank, plant, which, alarm, start, after, limits, sized, accelerations, moves, turns, segment,
-        _lasting(candidates),
+        write, bank, plant, which, alarm, start, after, limits, sized, moves, turns, segment, J,
+        _lasting(candidates), [j for j, c in enumerate(unknowns, J) if c.rates],
     )  # fmt: skip
-    number = chosen(lost, len(candidates) + len(channels) + unknown.symbol, which)
+    number = chosen(lost, which + len(channels), which)
     outputs = _alarm_outputs(write, candidates, channels, dead, alarm, number)
     outputs[Signal("evidence", "1", "largest g; alarm above the threshold")] = best
     outputs |= _size_outputs(write, candidates, refined, which, told, age, period)
-    least = write.define("least", least_evidence(best))
-    outputs |= _outputs_of_each(candidates, largest, in_play, least, told, unknown)
+    outputs |= _outputs_of_each(candidates, largest, possible, told)
     for s, d in zip(channels, dead, strict=True):
         outputs[Signal(f"dead_{s.name}", "1", f"1 while no new sample of {s.name} comes")] = d
-    outputs |= _unknown_outputs(equations, unknown, told)
-    following = _refutations(refined, unknown, refuted, in_play, which, least)
+    rivals = [
+        sp.And(
+            told,
+            g >= most - sp.Float(DECIDES),
+            sp.Not(sp.Or(*(p for c, p in zip(candidates, possible, strict=True) if c.like(u)))),
+        )
+        for u, g in zip(unknowns, largest[J:], strict=True)
+    ]
+    outputs |= _unknown_outputs(unknowns, J, which, told, rivals)
+    refutes = refined.probes.refuted > sp.S.Half
+    following = {
+        s.name: chosen(sp.And(refutes, sp.Abs(which - (j + 1)) < sp.S.Half), sp.S.One, s.symbol)
+        for j, s in enumerate(refuted)
+    }
     values = {s.name: e for s, e in outputs.items()}
-    return Decision(tuple(outputs), values, alarm, refined, (unknown, *refuted), following)
+    return Decision(tuple(outputs), values, alarm, refined, tuple(refuted), following)
 
 
 def _lasting(candidates: Sequence[Candidate]) -> list[int]:
@@ -193,9 +211,13 @@ def _scores(
     """Write g by candidate and window: of limited innovations until an alarm, of all from then on."""
     scores = []
     for j, (floor, limit) in enumerate(zip(floors, limits, strict=True)):
-        sums = zip(bank.score[j], bank.information[j], limited[j], strict=True)
-        pairs = [(likelihood(b, info + floor.symbol, *limit), few) for b, info, few in sums]
-        scores.append([write.define(f"g[{w},{j}]", chosen(told, *pair)) for w, pair in enumerate(pairs)])
+        sums = zip(bank.score[j], bank.information[j], strict=True)
+        whole = [likelihood(b, info + floor.symbol, *limit) for b, info in sums]
+        few = limited[j] if j < len(limited) else whole
+        pairs = enumerate(zip(whole, few, strict=True))
+        scores.append(
+            [write.define(f"g[{w},{j}]", a if a == f else chosen(told, a, f)) for w, (a, f) in pairs]
+        )
     return scores
 
 
@@ -253,50 +275,36 @@ def _size_outputs(
 def _outputs_of_each(
     candidates: Sequence[Candidate],
     largest: Sequence[sp.Expr],
-    in_play: Sequence[sp.Expr],
-    least: sp.Expr,
+    possible: Sequence[sp.Expr],
     told: sp.Expr,
-    unknown: Signal,
 ) -> dict[Signal, sp.Expr]:
     """Return the evidence of each candidate, and whether it is possible."""
     names = [c.name for c in candidates]
     evidence = {
-        Signal(f"evidence_{n}", "1", f"largest g of {n}"): g for n, g in zip(names, largest, strict=True)
+        Signal(f"evidence_{n}", "1", f"largest g of {n}"): g for n, g in zip(names, largest, strict=False)
     }
-    possible = {
+    return evidence | {
         Signal(f"possible_{n}", "1", f"1 if an alarm may be due to {n}"): (
-            chosen(sp.And(told, unknown.symbol < sp.S.Half, g >= least), sp.S.One, sp.S.Zero)
+            chosen(sp.And(told, p), sp.S.One, sp.S.Zero)
         )
-        for n, g in zip(names, in_play, strict=True)
+        for n, p in zip(names, possible, strict=True)
     }
-    return evidence | possible
 
 
-def _unknown_outputs(equations: Sequence[str], unknown: Signal, told: sp.Expr) -> dict[Signal, sp.Expr]:
-    """Return for each equation whether the unknown acceleration is largest there."""
+def _unknown_outputs(
+    unknowns: Sequence[Candidate], J: int, which: sp.Expr, told: sp.Expr, rivals: Sequence[sp.Expr]
+) -> dict[Signal, sp.Expr]:
+    """Return for each unknown change whether it is named, and whether an alarm may be due to it."""
+    named = [sp.And(told, sp.Abs(which - (j + 1)) < sp.S.Half) for j in range(J, J + len(unknowns))]
     outputs = {}
-    for e, name in enumerate(equations, 1):
-        text = f"1 if no candidate explains the change: an unknown acceleration in {name}'"
-        found = sp.And(told, sp.Abs(unknown.symbol - e) < sp.S.Half)
-        outputs[Signal(f"unknown_{name}", "1", text)] = chosen(found, sp.S.One, sp.S.Zero)
-    return outputs
+    for u, mine in zip(unknowns, named, strict=True):
+        outputs[Signal(u.name, "1", f"1 if no candidate explains the change: {_kind(u)}")] = mine
+    for u, mine, rival in zip(unknowns, named, rivals, strict=True):
+        text = f"1 if an alarm may be due to {_kind(u)} that is in no candidate"
+        outputs[Signal(f"possible_{u.name}", "1", text)] = sp.Or(mine, rival)
+    return {s: chosen(e, sp.S.One, sp.S.Zero) for s, e in outputs.items()}
 
 
-def _refutations(
-    refined: Refined,
-    unknown: Signal,
-    refuted: Sequence[Signal],
-    in_play: Sequence[sp.Expr],
-    which: sp.Expr,
-    least: sp.Expr,
-) -> dict[str, sp.Expr]:
-    """Return the next values of what is refuted: it leaves the next likely candidate, or none."""
-    refutes = refined.probes.refuted > sp.S.Half
-    following, others = {}, []
-    for j, (s, g) in enumerate(zip(refuted, in_play, strict=True)):
-        mine = sp.And(refutes, sp.Abs(which - (j + 1)) < sp.S.Half)
-        following[s.name] = chosen(mine, sp.S.One, s.symbol)
-        others.append(sp.And(g >= least, sp.Not(mine)))
-    gone = sp.And(refutes, sp.Not(sp.Or(*others)))
-    following[unknown.name] = chosen(gone, refined.probes.equation, unknown.symbol)
-    return following
+def _kind(unknown: Candidate) -> str:
+    where = next(iter((*unknown.rates, *unknown.seen)))
+    return f"an acceleration in {where}'" if unknown.rates else f"an offset of {where}"

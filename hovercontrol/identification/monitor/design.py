@@ -37,8 +37,8 @@ class Design:
         Time after the start and after a reset before which the tests do not begin [s].
     outliers_within : float
         Time within which a few outliers of a channel are left out [s].
-    driven : tuple of str
-        States in whose equations an arbitrary acceleration is looked for: those with process noise.
+    unknowns : tuple of Candidate
+        Changes of any cause beside which the candidates are judged: accelerations, then offsets of sensors.
     """
 
     model: Observed
@@ -51,7 +51,12 @@ class Design:
     substeps: int
     settle: float = 2.0
     outliers_within: float = 1.0
-    driven: tuple[str, ...] = ()
+    unknowns: tuple[Candidate, ...] = ()
+
+    @property
+    def every(self) -> tuple[Candidate, ...]:
+        """Candidates, then unknown changes."""
+        return (*self.candidates, *self.unknowns)
 
 
 def estimation_model(

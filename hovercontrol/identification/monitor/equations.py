@@ -16,7 +16,7 @@ from hovercontrol.control.observers.filter_equations import corrections, estimat
 from hovercontrol.control.observers.ins.kalman import Equations, Estimate, chosen
 from hovercontrol.control.observers.propagation import Dynamics, Prediction, predict, runge_kutta
 from hovercontrol.identification.monitor.bank import Bank, write_bank
-from hovercontrol.identification.monitor.candidates import Candidate, unit_change
+from hovercontrol.identification.monitor.candidates import Candidate
 from hovercontrol.identification.monitor.decision import Decision, decide
 from hovercontrol.identification.monitor.design import Design
 from hovercontrol.identification.monitor.memory import Memory
@@ -62,7 +62,7 @@ def _constants(
         constant("threshold", "1", "of the evidence, for an alarm", threshold),
         tuple(
             constant(f"floor_{c.name}", "1", f"information on {c.name} below which a window says little", v)
-            for c, v in zip(design.candidates, floors, strict=True)
+            for c, v in zip(design.every, floors, strict=True)
         ),
         tuple(
             constant(f"start_std_{s.name}", s.unit, f"of the error of {s.name}, after a reset", v)
@@ -70,7 +70,7 @@ def _constants(
         ),
         tuple(
             constant(f"dispersion_{c.name}", "1", f"of the scores of {c.name} along a reference log", v)
-            for c, v in zip(design.candidates, dispersion, strict=bool(dispersion))
+            for c, v in zip(design.every, dispersion, strict=bool(dispersion))
         ),
     )
 
@@ -84,9 +84,9 @@ def monitor_block(
     ----------
     threshold : float
     floors : sequence of float
-        J0 of each candidate.
+        J0 of each candidate and unknown change.
     dispersion : sequence of float, optional
-        phi of each candidate (default: 1).
+        phi of each of them (default: 1).
     """
     return _assembled(design, threshold, floors, dispersion)
 
@@ -94,14 +94,12 @@ def monitor_block(
 def column_block(design: Design) -> Block:
     """Return the part of a monitor without an alarm that gives what the signatures follow from.
 
-    Its outputs are the entries of eta of the candidates, shape (J, m), of the columns s, (J, n), of C,
+    Its outputs are the entries of eta of the candidates and the unknown changes, shape (J, m), of the columns s, (J, n), of C,
     (m, n), of M = Phi A, (n, n), row by row, and of the limited e, (m,): see
     :mod:`hovercontrol.identification.monitor.bank`.
     """
     write = Equations()
-    begun = _tests(
-        replace(design, windows=1), write, _constants(design, 1.0, [1.0] * len(design.candidates), ())
-    )
+    begun = _tests(replace(design, windows=1), write, _constants(design, 1.0, [1.0] * len(design.every), ()))
     bank = begun.bank
     every = [*(e for row in bank.own for e in row), *(e for s in bank.columns for e in s), *bank.C, *bank.M]
     every += bank.limited
@@ -172,14 +170,14 @@ def _tests(design: Design, write: Equations, own: _Constants) -> _Tests:
     then, Phi, drive = _predicted(design, write, now, step)
     forced, bias = _effects(design, write, memory, drive)
     settled = write.define("settled", chosen(RUNNING.symbol >= settle - step / 2, sp.S.One, sp.S.Zero))
-    phi = [s.symbol for s in own.dispersion] or [sp.S.One] * len(design.candidates)
+    phi = [s.symbol for s in own.dispersion] or [sp.S.One] * len(design.every)
     bank = write_bank(
         write, plant, steps, Phi, forced, bias,
-        windows=design.windows, first=design.first, dispersion=phi, many=sensors.many, jump=sensors.jump,
+        windows=design.windows, first=design.first, dispersion=phi, tested=len(design.candidates), many=sensors.many, jump=sensors.jump,
         hold=sp.Symbol("test_alarm", real=True),
         raised=sp.Symbol("raised", real=True), best_window=sp.Symbol("best_window", real=True),
     )  # fmt: skip
-    parameters = (*own.every, *model.parameters, *(p for c in design.candidates for p in c.parameters))
+    parameters = (*own.every, *model.parameters, *(p for c in design.every for p in c.parameters))
     return _Tests(states, sensors, now, then, Phi, drive, shift, ahead, memory, bank, settled, parameters)
 
 
@@ -196,21 +194,11 @@ def _assembled(
     at_now, at_then = (tuple(sp.Symbol(key, real=True) for key in some) for some in keys)
     at = AtTheEstimate(write, memory, drive, design.period, at_now, at_then)
     sized = {j: at.write(c, j, [s.name for s in plant]) for j, c in enumerate(design.candidates) if c.law}
-    limits = [_bounds(c, design, begun.now) for c in design.candidates]
-    equations = [s.name for s in plant if s.name in design.driven]
-    per = "" if model.plant.period else "/s"
-    scales = [
-        unit_change(f"scale_unknown_{s.name}", f"({s.unit}){per}", 1.0) for s in plant if s.name in equations
-    ]
-    accelerations = [
-        write.matrix(f"acceleration_{s.name}", drive[i] * scales[equations.index(s.name)].symbol)
-        for i, s in enumerate(plant)
-        if s.name in equations
-    ]
+    limits = [_bounds(c, design, begun.now) for c in design.every]
     decision = decide(
-        write, design.candidates, bank, plant, then.P, own.floors, limits, own.threshold.symbol,
+        write, design.candidates, design.unknowns, bank, plant, then.P, own.floors, limits, own.threshold.symbol,
         LATCHED.symbol, settled, sensors.dead, model.measured, step, sized,
-        equations, accelerations, _moves(begun, design, write, step), _turns(begun, design, write),
+        _moves(begun, design, write, step), _turns(begun, design, write),
         SEGMENT * design.first,
     )  # fmt: skip
     for i in range(n):
@@ -225,7 +213,7 @@ def _assembled(
         states=(*states, RUNNING, *sensors.states, *memory.states, *begun.ahead, *at.states, *tests),
         inputs=(*model.inputs, RESET),
         outputs=decision.outputs,
-        parameters=(*begun.parameters, *scales),
+        parameters=begun.parameters,
         derivatives=following,
         output_expressions=decision.values,
         definitions=write.definitions,
@@ -265,11 +253,7 @@ def _predicted(
 ) -> tuple[Estimate, sp.Matrix, dict[int, sp.Matrix]]:
     """Write the estimate a tick later; return it, the transition matrix of the tick and its drive."""
     model = design.model
-    driven = [
-        i
-        for i, s in enumerate(model.plant.states)
-        if s.name in design.driven or any(s.name in c.rates for c in design.candidates)
-    ]
+    driven = [i for i, s in enumerate(model.plant.states) if any(s.name in c.rates for c in design.every)]
     h = write.define("substep", step / design.substeps)
     then, dynamics, every = now, Dynamics(model.plant), []
     for k in range(design.substeps):
@@ -291,7 +275,7 @@ def _moves(begun: _Tests, design: Design, write: Equations, step: sp.Expr) -> sp
 def _turns(begun: _Tests, design: Design, write: Equations) -> list[sp.Matrix]:
     """Write the slopes by the state of the candidates' changes of the state over the tick."""
     plant, every = design.model.plant.states, []
-    for j, c in enumerate(design.candidates):
+    for j, c in enumerate(design.every):
         turn = sp.zeros(len(plant), len(plant))
         for i, s in enumerate(plant):
             for k, by in enumerate(plant):
@@ -307,9 +291,9 @@ def _turns(begun: _Tests, design: Design, write: Equations) -> list[sp.Matrix]:
 def _effects(
     design: Design, write: Equations, memory: Memory, drive: Mapping[int, sp.Matrix]
 ) -> tuple[list[sp.Matrix], list[list[sp.Expr]]]:
-    """Write the candidates' changes of the state over the tick, g, and of the measured values, b."""
+    """Write the changes' g of the state over the tick, and b of the measured values."""
     plant, forced = design.model.plant.states, []
-    for j, c in enumerate(design.candidates):
+    for j, c in enumerate(design.every):
         g = sp.zeros(len(plant), 1)
         for i, s in enumerate(plant):
             if s.name in c.rates:
@@ -317,7 +301,7 @@ def _effects(
         forced.append(g)
     bias = [
         [write.define(f"error[{j},{i}]", memory.seen(c, s.name)) for i, s in enumerate(design.model.measured)]
-        for j, c in enumerate(design.candidates)
+        for j, c in enumerate(design.every)
     ]
     return forced, bias
 

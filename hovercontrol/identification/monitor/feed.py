@@ -318,7 +318,8 @@ def measured_of(block: Block) -> list[str]:
 
 def candidates_in(block: Block) -> list[str]:
     """Return the candidates of a monitor."""
-    return [s.name.removeprefix("possible_") for s in block.outputs if s.name.startswith("possible_")]
+    named = [s.name.removeprefix("possible_") for s in block.outputs if s.name.startswith("possible_")]
+    return [name for name in named if not name.startswith("unknown_")]
 
 
 def unit_of(block: Block, candidate: str) -> str:

@@ -40,7 +40,7 @@ class Memory:
         self.next_values: dict[str, sp.Expr] = {}
         self._own: dict[str, dict[sp.Expr, sp.Expr]] = {}
         self._lines: dict[str, list[sp.Expr]] = {}
-        for c in design.candidates:
+        for c in design.every:
             self._own[c.name] = self._late(c) | self._remembered(c)
 
     def _at(self, x: sp.Matrix) -> dict[sp.Expr, sp.Expr]:

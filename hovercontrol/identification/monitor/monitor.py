@@ -4,8 +4,7 @@ Interface of the Block. Inputs: the measured channels and the commands under the
 ``fresh_NAME`` where samples may be lost, and ``reset``. Outputs:
 
 - ``alarm``: 1 from an alarm on until a reset, and while a sensor is dead;
-- ``effect``: 0 none, 1 ... J the candidate, J + 1 ... J + m a dead sensor, then an unknown acceleration in an
-  equation (:func:`named_effects` returns their names);
+- ``effect``: 0 none, 1 ... J the candidate, J + 1 ... J + m a dead sensor, then an unknown change (:func:`named_effects` returns their names);
 - ``evidence``: the largest g (twice the log-likelihood ratio); the alarm comes above the parameter
   ``threshold``;
 - ``change``, ``change_std``: present change of the named candidate's coefficient, or unknown acceleration,
@@ -14,13 +13,16 @@ Interface of the Block. Inputs: the measured channels and the commands under the
 - ``since`` [s]: time since the estimated onset;
 - ``evidence_NAME`` for each candidate, and ``possible_NAME``: 1 if an alarm may be due to it, that is if it
   cannot be told apart from the best yet;
-- ``dead_NAME`` for each measured channel, and ``unknown_NAME`` for each equation with process noise: 1 if no
-  candidate explains the change, and the unknown acceleration is largest there.
+- ``dead_NAME`` for each measured channel;
+- ``unknown_NAME`` and ``possible_unknown_NAME`` for an acceleration in each equation with process noise, and
+  for an offset of each sensor without a candidate ``NAME_bias``: 1 if no candidate explains the change, but
+  this one most of it; and 1 if an alarm may be due to a change of this kind that is in no candidate.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -33,10 +35,11 @@ from hovercontrol.control.observers.observed import owned, plant_of
 from hovercontrol.control.observers.propagation import steps_between
 from hovercontrol.craft.effects import Effect
 from hovercontrol.craft.models.interface import AnyModel, as_model
-from hovercontrol.identification.monitor.candidates import Candidate, candidates_of
+from hovercontrol.identification.monitor.candidates import Candidate, candidates_of, unknowns_of
 from hovercontrol.identification.monitor.design import Design, estimation_model
 from hovercontrol.identification.monitor.dispersion import dispersion_of, divided
 from hovercontrol.identification.monitor.equations import monitor_block
+from hovercontrol.identification.monitor.feed import candidates_in
 from hovercontrol.identification.monitor.motion import motion_of
 from hovercontrol.identification.monitor.pace import paced
 from hovercontrol.identification.monitor.signatures import along_motion
@@ -196,15 +199,16 @@ def monitor(
         steps,
         settle,
         max(OUTLIERS_WITHIN, paced(OUTLIERS_WITHIN, tick, is_craft=craft.is_craft)),
-        tuple(process_noise),
+        tuple(unknowns_of(plant, list(process_noise), measured, found)),
     )
-    shown, innovations = along_motion(design, path)
-    phi = dispersion_of(shown, innovations) if dispersion else np.ones(len(found))
+    design, shown, innovations = along_motion(design, path)
+    phi = dispersion_of(shown, innovations) if dispersion else np.ones(len(design.every))
     shown = divided(shown, phi)
-    floor = floors(shown)
+    floor, J = floors(shown), len(found)
+    shown = replace(shown, eta=shown.eta[:, :, :J], information=shown.information[:, :, :J])
     lower, upper = bounds_of(plant, found, name)
     rate, rest = wanted * tick / 3600.0, round(settle / tick)
-    threshold = threshold_for(shown, floor, lower, upper, rate, rest=rest)
+    threshold = threshold_for(shown, floor[:J], lower, upper, rate, rest=rest)
     return monitor_block(design, threshold, list(floor), list(phi) if dispersion else ())
 
 
@@ -223,7 +227,7 @@ def named_effects(block: Block) -> list[str]:
     """Return what the numbers 1, 2, ... of a monitor's output ``effect`` stand for."""
     names = [s.name for s in block.outputs]
     return [
-        *(n.removeprefix("possible_") for n in names if n.startswith("possible_")),
+        *candidates_in(block),
         *(n.removeprefix("dead_") for n in names if n.startswith("dead_")),
         *(n for n in names if n.startswith("unknown_")),
     ]

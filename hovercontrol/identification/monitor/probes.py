@@ -57,8 +57,6 @@ class Probes:
     next_values : dict of str to sympy.Expr
     renewed, refuted : sympy.Expr
         1 if the amplitude does not hold, and if the name does not.
-    equation, refuting : sympy.Expr
-        Number of the equation with most that is unexplained, from 1, and the information of a segment on it.
     change, information : sympy.Expr
         Change of the amplitude in the segment that ends, and J_nn.
     column : sympy.Matrix, shape (n, 1)
@@ -69,8 +67,6 @@ class Probes:
     next_values: dict[str, sp.Expr]
     renewed: sp.Expr
     refuted: sp.Expr
-    equation: sp.Expr
-    refuting: sp.Expr
     change: sp.Expr
     information: sp.Expr
     column: sp.Matrix
@@ -133,7 +129,7 @@ def write_probes(
     ]
     own = sp.Max(J[last], 1e-300)
     limit = sp.Float(-ndtri(error / (LOOKS * len(pushes))))
-    left, sizes = [], []
+    left = []
     for p in range(last):
         both = [e * a / S for e, a, S in zip(every[p], every[last], variances, strict=True)]
         cross = sums.segment(f"probe_cross[{p}]", "information on both", both)
@@ -141,24 +137,13 @@ def write_probes(
         kept = write.define(f"probe_kept[{p}]", J[p] - share * cross)
         tells = kept > ALIKE * sp.Max(J[p], 1e-300)
         said = chosen(tells, (b[p] - share * b[last]) ** 2 / sp.Max(kept, 1e-300), sp.S.Zero)
-        left.append(_exceeds(limit, *sums.total(f"left[{p}]", said, chosen(tells, sp.S.One, sp.S.Zero))))
-        sizes.append(sums.total(f"whole[{p}]", b[p] ** 2 / sp.Max(J[p], 1e-300), sp.S.One)[0])
-    held = _exceeds(limit, *sums.total("named", b[last] ** 2 / own, sp.S.One))
+        counts = chosen(tells, sp.S.One, sp.S.Zero)
+        left.append(_exceeds(limit, *sums.total(f"left[{p}]", said, counts, sums.begins)))
+    held = _exceeds(limit, *sums.total("named", b[last] ** 2 / own, sp.S.One, sums.anew))
     moved = write.define("moved_amplitude", chosen(sp.And(sums.ends > sp.S.Half, held), sp.S.One, sp.S.Zero))
     refuted, renewed = _judged(write, sums, moved, left, begins, spared, steady)
-    largest = sp.Max(*sizes, evaluate=False)
-
-    def of_largest(values: Sequence[sp.Expr]) -> sp.Expr:
-        pairs = [(v, size >= largest) for v, size in zip(values[:-1], sizes[:-1], strict=True)]
-        return sp.Piecewise(*pairs, (values[-1] if values else sp.S.Zero, True), evaluate=False)
-
-    equation = of_largest([sp.Integer(p + 1) for p in range(last)])
-    told = sums.state("refuting_information", "1", "on the unknown acceleration, of a segment")
-    sums.following["refuting_information"] = chosen(refuted > sp.S.Half, of_largest(J[:last]), told)
     change = write.define("moved_by", b[last] / own)
-    return Probes(
-        tuple(sums.states), sums.following, renewed, refuted, equation, told, change, own, columns[last]
-    )
+    return Probes(tuple(sums.states), sums.following, renewed, refuted, change, own, columns[last])
 
 
 class _Sums:
@@ -182,10 +167,11 @@ class _Sums:
         length = sp.Piecewise((1, count < 1.5), (2, count < 2.5), (4, True), evaluate=False)
         self.ends = write.define("segment_ends", chosen(ticks > segment * length - 1.5, sp.S.One, sp.S.Zero))
         self.done = write.define("segments_done", count + self.ends)
-        self._over = sp.Or(self.ends > sp.S.Half, begins > sp.S.Half)
-        self._anew = sp.Or(begins > sp.S.Half, sp.Symbol("renewed", real=True) > sp.S.Half)
+        self.begins = begins > sp.S.Half
+        self._over = sp.Or(self.ends > sp.S.Half, self.begins)
+        self.anew = sp.Or(self.begins, sp.Symbol("renewed", real=True) > sp.S.Half)
         self.following["segment_ticks"] = chosen(self._over, sp.S.Zero, ticks + 1)
-        self.following["segments"] = chosen(self._anew, sp.S.Zero, self.done)
+        self.following["segments"] = chosen(self.anew, sp.S.Zero, self.done)
 
     def state(self, name: str, unit: str, text: str) -> sp.Symbol:
         self.states.append(Signal(name, unit, text))
@@ -207,13 +193,15 @@ class _Sums:
         self.following[name] = chosen(self._over, sp.S.Zero, now)
         return now
 
-    def total(self, name: str, said: sp.Expr, counts: sp.Expr) -> tuple[sp.Expr, sp.Expr]:
+    def total(
+        self, name: str, said: sp.Expr, counts: sp.Expr, anew: sp.Expr
+    ) -> tuple[sp.Expr, sp.Expr]:
         """Write a sum over segments, and their number; both since it was last below its mean."""
         sums = []
         for key, text, what in (("U", "sum over segments", said), ("K", "segments of the sum", counts)):
             before = self.state(f"{key}_{name}", "1", text)
             sums.append(self._write.define(f"now_{key}_{name}", before + self.ends * what))
-        below = sp.Or(self._anew, sums[0] <= sums[1])
+        below = sp.Or(anew, sums[0] <= sums[1])
         for key, now in zip("UK", sums, strict=True):
             self.following[f"{key}_{name}"] = chosen(below, sp.S.Zero, now)
         return sums[0], sums[1]

@@ -140,11 +140,12 @@ def refine(
     after: sp.Matrix,
     limits: Sequence[tuple[sp.Expr, sp.Expr]],
     sized: Mapping[int, Sized],
-    accelerations: Sequence[sp.Matrix],
     moves: sp.Matrix,
     turns: Sequence[sp.Matrix],
     segment: int,
+    tested: int,
     lasting: Sequence[int],
+    forces: Sequence[int],
 ) -> Refined:
     """Write the estimate.
 
@@ -153,41 +154,43 @@ def refine(
     plant : sequence of Signal
         States of the filter.
     which : sympy.Expr
-        Number of the named change, from 1: candidates, then accelerations.
+        Number of the named change, from 1: candidates, then unknown changes.
     told : sympy.Expr
         1 from the alarm on.
     start : Start
     after : sympy.Matrix, shape (n, n)
         Covariance of the filter's prediction at the next tick.
     limits : sequence of (sympy.Expr, sympy.Expr)
-        Bounds of each candidate's theta.
+        Bounds of each theta.
     sized : mapping of int to Sized
         Candidates that are not proportional to their coefficient, by number from 0.
-    accelerations : sequence of sympy.Matrix, shape (n, 1)
-        Change of the state over the tick by an arbitrary acceleration in each equation.
     moves : sympy.Matrix, shape (n, 1)
         ``f(x + d) - f(x)`` of the tick.
     turns : sequence of sympy.Matrix, shape (n, n)
-        Slope by the state of each candidate's change of the state over the tick.
+        Slope by the state of each one's change of the state over the tick.
     segment : int
         Ticks of a segment of the probes.
+    tested : int
+        Number of candidates.
     lasting : sequence of int
         Candidates with a memory (lags, delays), by number from 0. Their response at another size has another
         shape, so what their linearisation leaves is no evidence against them.
+    forces : sequence of int
+        Unknown accelerations, by number from 0.
     """
-    it = _Estimate(write, bank, plant, which, told, len(accelerations))
-    it.choose(sized, accelerations)
+    it = _Estimate(write, bank, plant, which, told, tested)
+    it.choose(sized)
     it.update()
     it.size(start, limits)
     it.predict(moves, turns)
-    never = [which > len(bank.pushes) + sp.S.Half, *(sp.Abs(which - (j + 1)) < sp.S.Half for j in lasting)]
+    never = [which > tested + sp.S.Half, *(sp.Abs(which - (j + 1)) < sp.S.Half for j in lasting)]
     spared = chosen(sp.Or(*never), sp.S.One, sp.S.Zero)
     begins = write.define("estimate_begins", chosen(told < sp.S.Half, sp.S.One, it.anew))
     probes = write_probes(
-        write, plant, [*accelerations, it.push], it.jolt, bank.C, it.M, it.away, it.variances, begins,
+        write, plant, [*(bank.pushes[j] for j in forces), it.push], it.jolt, bank.C, it.M, it.away, it.variances, begins,
         spared, it.steady, segment, ERROR,
     )  # fmt: skip
-    it.begin(start, probes, after, segment)
+    it.begin(probes, start, after, segment)
     it.remember()
     return it.result(probes)
 
@@ -197,8 +200,8 @@ class _Estimate:
 
     Parameters
     ----------
-    E : int
-        Number of equations with an arbitrary acceleration.
+    tested : int
+        Number of candidates; unknown changes come after them.
     """
 
     def __init__(
@@ -208,10 +211,10 @@ class _Estimate:
         plant: Sequence[Signal],
         which: sp.Expr,
         told: sp.Expr,
-        E: int,
+        tested: int,
     ) -> None:
         self._write, self._bank, self._plant = write, bank, plant
-        self._which, self._told, self._E = which, told, E
+        self._which, self._told, self._tested = which, told, tested
         self._own: list[Signal] = []
         self._following: dict[str, sp.Expr] = {}
         n = self._n = len(plant)
@@ -261,16 +264,14 @@ class _Estimate:
         rows = range(columns[0].rows)
         return sp.Matrix([self._of_named(f"{name}[{i}]", [c[i] for c in columns]) for i in rows])
 
-    def choose(self, sized: Mapping[int, Sized], accelerations: Sequence[sp.Matrix]) -> None:
+    def choose(self, sized: Mapping[int, Sized]) -> None:
         """Write what the named change does in the tick, and its dispersion."""
         bank, J, zero = self._bank, range(len(self._bank.pushes)), sp.zeros(self._n, 1)
         pushes = [sized[j].slope if j in sized else bank.pushes[j] for j in J]
-        self.push = self._of_named_column("named_push", [*pushes, *accelerations])
-        none = [0 * bank.jolts[0]] * self._E
-        self.jolt = self._of_named_column("named_jolt", [*bank.jolts, *none])
-        lefts = [sized[j].left if j in sized else zero for j in J]
-        self.left = self._of_named_column("named_left", [*lefts, *[zero] * self._E])
-        self.phi = self._of_named("named_dispersion", [*bank.dispersion, *[sp.S.One] * self._E])
+        self.push = self._of_named_column("named_push", pushes)
+        self.jolt = self._of_named_column("named_jolt", bank.jolts)
+        self.left = self._of_named_column("named_left", [sized[j].left if j in sized else zero for j in J])
+        self.phi = self._of_named("named_dispersion", bank.dispersion)
 
     def update(self) -> None:
         """Write the recursive least squares of this tick's measurements."""
@@ -301,19 +302,15 @@ class _Estimate:
         part = self.part = write.matrix("given", sp.Matrix(given))
         grows = (1 - self.steady) * (2 * age * cov[n, r] + age**2 * cov[r, r])
         held = cov[n, n] + grows - share[n] * cov[n, r]
-        bounds = [
-            self._of_named(
-                f"named_{k}", [*(_finite(b[k]) for b in limits), *[sp.Float(sign * FAR)] * self._E]
-            )
-            for k, sign in ((0, -1), (1, 1))
-        ]
+        bounds = [self._of_named(f"named_{k}", [_finite(b[k]) for b in limits]) for k in (0, 1)]
         self.first = write.define("theta_first", within(start.first, *bounds))
         beginning = self.anew > sp.S.Half
         self.amplitude = write.define("amplitude", chosen(beginning, self.first, part[n] + age * part[r]))
         self.theta = write.define("theta", within(self.amplitude, *bounds))
         over = start.energy / self.phi - self.first**2 * start.info - start.dof
         unexplained = sp.Max(0, over) + 2 * sp.sqrt(2 * start.dof)
-        self.wide = write.define("first_variance", sp.Min(self.first**2, (1 + unexplained) / start.info))
+        wide, unknown = (1 + unexplained) / start.info, self._which > self._tested + sp.S.Half
+        self.wide = write.define("first_variance", chosen(unknown, wide, sp.Min(self.first**2, wide)))
         self.variance = write.define("theta_variance", chosen(beginning, self.wide, sp.Max(held, 0)))
 
     def predict(self, moves: sp.Matrix, turns: Sequence[sp.Matrix]) -> None:
@@ -321,8 +318,7 @@ class _Estimate:
         write, bank, part, n = self._write, self._bank, self.part, self._n
         g_x = sp.zeros(n, n)
         for i, k in sorted({(i, k) for turn in turns for i in range(n) for k in range(n) if turn[i, k] != 0}):
-            slopes = [*(t[i, k] for t in turns), *[sp.S.Zero] * self._E]
-            g_x[i, k] = self.amplitude * self._of_named(f"turn[{i},{k}]", slopes)
+            g_x[i, k] = self.amplitude * self._of_named(f"turn[{i},{k}]", [t[i, k] for t in turns])
         # d = Psi d0 + theta s + theta' s' + o, before this tick's measurements
         before = self.Psi * part[:n, :] + part[n] * self.s + part[n + 1] * self.grown + self.o
         self.moved = write.matrix("named_error", before)
@@ -335,28 +331,23 @@ class _Estimate:
         explained = self.Psi_next * part[:n, :] + part[n] * s_next + part[n + 1] * ramp_next
         self.then = {"named_s": s_next, "named_ramp": ramp_next, "named_o": self.error_next - explained}
 
-    def begin(self, start: Start, probes: Probes, after: sp.Matrix, segment: int) -> None:
+    def begin(self, probes: Probes, start: Start, after: sp.Matrix, segment: int) -> None:
         """Write the next estimate: this one, or where it begins anew."""
         write, n, r = self._write, self._n, self._n + 1
         self.renews = probes.renewed > sp.S.Half
         begin = write.define("begin_estimate", sp.Max(self.anew, probes.renewed))
         self.begins = begin > sp.S.Half
-        unknown = self._which > len(self._bank.pushes) + sp.S.Half
-        lost = sp.And(unknown, self.anew > sp.S.Half)  # begins at the error that the refuted change left
 
-        def of_start(name: str, renewed: sp.Expr, arbitrary: sp.Expr, named: sp.Expr) -> sp.Expr:
-            return write.define(name, chosen(self.renews, renewed, chosen(lost, arbitrary, named)))
+        def of_start(name: str, renewed: sp.Expr, named: sp.Expr) -> sp.Expr:
+            return write.define(name, chosen(self.renews, renewed, named))
 
-        explained = _explained(write, self._bank, n, self._of_named, self._E)
+        explained = _explained(write, self._bank, n, self._of_named)
         along = [*(chosen(self.renews, probes.column[i], explained[i]) for i in range(n)), sp.S.One]
         along = [write.define(f"along[{i}]", e) for i, e in enumerate(along)]
-        size = of_start("step_size", probes.change, sp.S.Zero, self.first)
-        shown = probes.change**2 * probes.information
-        proof = of_start("step_evidence", shown, start.evidence, start.evidence)
-        arbitrary = start.evidence / sp.Max(probes.refuting, 1e-300)
-        wide = of_start("step_variance", probes.change**2 + 1 / probes.information, arbitrary, self.wide)
-        keeps = write.define("keeps_error", chosen(sp.Or(self.renews, lost), sp.S.One, sp.S.Zero))
-        base = [write.define(f"base[{i}]", keeps * e) for i, e in enumerate(self.error_next)]
+        size = of_start("step_size", probes.change, self.first)
+        proof = of_start("step_evidence", probes.change**2 * probes.information, start.evidence)
+        wide = of_start("step_variance", probes.change**2 + 1 / probes.information, self.wide)
+        base = [write.define(f"base[{i}]", probes.renewed * e) for i, e in enumerate(self.error_next)]
         here = write.define("theta_from", probes.renewed * self.theta)
         values = [*(base[i] + size * along[i] for i in range(n)), here + size, sp.S.Zero]
         for i, value in enumerate(values):
@@ -408,20 +399,20 @@ class _Estimate:
 
 
 def _explained(
-    write: Equations, bank: Bank, n: int, of_named: Callable[[str, Sequence[sp.Expr]], sp.Expr], E: int
+    write: Equations, bank: Bank, n: int, of_named: Callable[[str, Sequence[sp.Expr]], sp.Expr]
 ) -> sp.Matrix:
     """Write c, the column of the named candidate since the start of the best window, before the next tick."""
-    window, W, none = sp.Symbol("best_window", real=True), range(len(bank.Psi)), [sp.S.Zero] * E
+    window, W = sp.Symbol("best_window", real=True), range(len(bank.Psi))
 
     def of_window(name: str, values: Sequence[sp.Expr]) -> sp.Expr:
         pairs = [(v, window < w + 0.5) for w, v in enumerate(values[:-1])]
         return write.define(name, sp.Piecewise(*pairs, (values[-1], True), evaluate=False))
 
     def begun(i: int) -> sp.Expr:
-        values = [of_named(f"named_begun[{w},{i}]", [*(c[i] for c in bank.begun[w]), *none]) for w in W]
+        values = [of_named(f"named_begun[{w},{i}]", [c[i] for c in bank.begun[w]]) for w in W]
         return of_window(f"best_begun[{i}]", values)
 
-    s = sp.Matrix([of_named(f"named_after[{i}]", [*(c[i] for c in bank.after), *none]) for i in range(n)])
+    s = sp.Matrix([of_named(f"named_after[{i}]", [c[i] for c in bank.after]) for i in range(n)])
     start = sp.Matrix([begun(i) for i in range(n)])
     Psi = sp.Matrix(n, n, lambda i, k: of_window(f"best_Psi[{i},{k}]", [P[i, k] for P in bank.Psi]))
     return write.matrix("explained", s - Psi * start)

@@ -11,6 +11,8 @@ They give the limited innovations e of a logged motion as well.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from hovercontrol.base.arrays import Array
@@ -26,10 +28,11 @@ from hovercontrol.identification.monitor.threshold import Signatures, signatures
 CANCELLED = 1e-20
 
 
-def along_motion(design: Design, path: Motion) -> tuple[Signatures, Array]:
-    """Return the signatures of the candidates along a motion, and innovations, after the filter has settled.
+def along_motion(design: Design, path: Motion) -> tuple[Design, Signatures, Array]:
+    """Return signatures along a motion, and innovations, after the filter has settled.
 
-    The innovations, shape (K, m), are divided by their standard deviations and limited.
+    The signatures are those of the candidates and of the unknown changes, the design that without unknown
+    changes that never show. The innovations, shape (K, m), are divided by their standard deviations and limited.
 
     Raises
     ------
@@ -40,14 +43,17 @@ def along_motion(design: Design, path: Motion) -> tuple[Signatures, Array]:
     # Square of the signature if no terms cancelled: sum over ticks and i of (|C_i| |s|)^2.
     most = ((np.abs(C)[:, None] @ np.abs(columns)[..., None]) ** 2).sum(axis=(0, 2, 3))
     eta = _in_windows(design, own, columns, C, M)
-    for c, square, bound in zip(design.candidates, (eta**2).sum(axis=(0, 1, 3)), most, strict=True):
-        if square <= CANCELLED * bound:
+    shows = (eta**2).sum(axis=(0, 1, 3)) > CANCELLED * most
+    for c, shown in zip(design.candidates, shows, strict=False):
+        if not shown:
             measured = ", ".join(s.name for s in design.model.measured)
             raise InputError(
                 f"{design.model.name}: candidate {c.name!r}: the measured channels {measured} never show it "
                 "along the motion"
             )
-    return signatures_of(eta, design.first), seen
+    kept = [c for c, shown in zip(design.every, shows, strict=True) if shown]
+    design = replace(design, unknowns=tuple(kept[len(design.candidates) :]))
+    return design, signatures_of(eta[:, :, shows], design.first), seen
 
 
 def _columns(design: Design, path: Motion) -> tuple[Array, Array, Array, Array, Array]:
@@ -67,7 +73,7 @@ def _columns(design: Design, path: Motion) -> tuple[Array, Array, Array, Array, 
             signals["fresh"] = float(path.seen[k].all())
         rows.append(list(run.tick(k * design.period, signals).values()))
     settled = np.array(rows[min(round(design.settle / design.period), len(rows) // 2) :])
-    J, m, n = len(design.candidates), len(design.model.measured), len(design.model.plant.states)
+    J, m, n = len(design.every), len(design.model.measured), len(design.model.plant.states)
     own, columns, C, M, seen = np.split(settled, np.cumsum([J * m, J * n, m * n, n * n]), axis=1)
     return own.reshape(-1, J, m), columns.reshape(-1, J, n), C.reshape(-1, m, n), M.reshape(-1, n, n), seen
 
