@@ -165,7 +165,7 @@ def decide(
     of_best("best_window", [sp.Integer(w) for _, w in at])
     age = of_best("best_age", [bank.age[w] for _, w in at])
     energy = of_best("best_energy", [bank.energy[w] for _, w in at])
-    start = Start(b / info, most, info, energy, len(channels) * age)
+    start = Start(b / info, most, likeliest, info, energy, len(channels) * age)
     refined = refine(
         write, bank, plant, which, alarm, start, after, limits, sized, moves, turns, segment, J,
         _lasting(candidates), [j for j, c in enumerate(unknowns, J) if c.rates],
@@ -177,16 +177,17 @@ def decide(
     outputs |= _outputs_of_each(candidates, largest, possible, told)
     for s, d in zip(channels, dead, strict=True):
         outputs[Signal(f"dead_{s.name}", "1", f"1 while no new sample of {s.name} comes")] = d
+    doubts = [*refined.doubts, *[sp.false] * (len(unknowns) - len(refined.doubts))]
     rivals = [
         sp.And(
             told,
-            g >= most - sp.Float(DECIDES),
+            sp.Or(g >= most - sp.Float(DECIDES), doubt),
             sp.Not(sp.Or(*(p for c, p in zip(candidates, possible, strict=True) if c.like(u)))),
         )
-        for u, g in zip(unknowns, largest[J:], strict=True)
+        for u, g, doubt in zip(unknowns, largest[J:], doubts, strict=True)
     ]
     outputs |= _unknown_outputs(unknowns, J, which, told, rivals)
-    refutes = refined.probes.refuted > sp.S.Half
+    refutes = refined.refuted > sp.S.Half
     following = {
         s.name: chosen(sp.And(refutes, sp.Abs(which - (j + 1)) < sp.S.Half), sp.S.One, s.symbol)
         for j, s in enumerate(refuted)

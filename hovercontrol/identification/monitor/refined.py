@@ -58,8 +58,8 @@ import sympy as sp
 from hovercontrol.blocks.signals import Signal
 from hovercontrol.control.observers.ins.kalman import Equations, chosen
 from hovercontrol.identification.monitor.bank import Bank
-from hovercontrol.identification.monitor.probes import Probes, write_probes
 from hovercontrol.identification.monitor.sized import Sized
+from hovercontrol.identification.monitor.tracking import track
 
 #: Stands for an infinite bound of theta among finite ones.
 FAR = 1e30
@@ -90,7 +90,10 @@ class Refined:
         Ticks since the estimate began.
     shift : sympy.Matrix, shape (n, 1)
         Error of the updated estimate by the change: truth minus estimate; zero before an alarm.
-    probes : Probes
+    refuted : sympy.Expr
+        1 if unknown accelerations explain more than the name.
+    doubts : list of sympy.Expr
+        For each unknown acceleration, whether it may be the cause, and is the largest one.
     """
 
     states: tuple[Signal, ...]
@@ -102,7 +105,8 @@ class Refined:
     ended: sp.Expr
     age: sp.Expr
     shift: sp.Matrix
-    probes: Probes
+    refuted: sp.Expr
+    doubts: list[sp.Expr]
 
 
 @dataclass(frozen=True)
@@ -113,12 +117,15 @@ class Start:
     ----------
     first, evidence : sympy.Expr
         Estimate from the best window, and its g.
+    explained : sympy.Expr
+        g of the named change.
     info, energy, dof : sympy.Expr
         J of the best window, the sum of squares of its innovations and their number.
     """
 
     first: sp.Expr
     evidence: sp.Expr
+    explained: sp.Expr
     info: sp.Expr
     energy: sp.Expr
     dof: sp.Expr
@@ -178,21 +185,17 @@ def refine(
     forces : sequence of int
         Unknown accelerations, by number from 0.
     """
-    it = _Estimate(write, bank, plant, which, told, tested)
+    it = _Estimate(write, bank, plant, which, told, tested, 4 * segment)
     it.choose(sized)
     it.update()
     it.size(start, limits)
     it.predict(moves, turns)
     never = [which > tested + sp.S.Half, *(sp.Abs(which - (j + 1)) < sp.S.Half for j in lasting)]
     spared = chosen(sp.Or(*never), sp.S.One, sp.S.Zero)
-    begins = write.define("estimate_begins", chosen(told < sp.S.Half, sp.S.One, it.anew))
-    probes = write_probes(
-        write, plant, [*(bank.pushes[j] for j in forces), it.push], it.jolt, bank.C, it.M, it.away, it.variances, begins,
-        spared, it.steady, segment, ERROR,
-    )  # fmt: skip
-    it.begin(probes, start, after, segment)
+    it.judge(start, after, moves, spared, forces)
+    it.begin()
     it.remember()
-    return it.result(probes)
+    return it.result()
 
 
 class _Estimate:
@@ -212,7 +215,9 @@ class _Estimate:
         which: sp.Expr,
         told: sp.Expr,
         tested: int,
+        wander: int,
     ) -> None:
+        self._wander = wander
         self._write, self._bank, self._plant = write, bank, plant
         self._which, self._told, self._tested = which, told, tested
         self._own: list[Signal] = []
@@ -249,6 +254,7 @@ class _Estimate:
             ),
         )  # fmt: skip
         self.age = self._state("named_age", "1", "ticks since the estimate began")
+        self.peak = self._state("peak", "1", "largest amplitude that was significant")
 
     def _state(self, name: str, unit: str, text: str, start: float = 0.0) -> sp.Symbol:
         self._own.append(Signal(name, unit, text, start=start))
@@ -278,19 +284,18 @@ class _Estimate:
         write, C, n = self._write, self._bank.C, self._n
         rows, known = write.matrix("refined_rows", C * self.Psi), write.matrix("known", C * self.o)
         constant, growing = C * self.s + self.jolt, C * self.grown + self.age * self.jolt
-        self.away: list[sp.Expr] = []
-        self.variances: list[sp.Expr] = []
+        likelihood = sp.S.Zero
         for i, seen in enumerate(self._bank.whitened):
             eta = write.define(f"named_eta[{i}]", constant[i])
             row = sp.Matrix([[*rows[i, :], eta, write.define(f"named_ramp_eta[{i}]", growing[i])]])
             Vr = write.matrix(f"refined_{i}_Vr", self.cov * row.T)
             S = write.define(f"refined_{i}_S", self.phi + (row * Vr)[0])
             off = write.define(f"refined_{i}_away", (seen - known[i] - (row * self.now)[0]) / S)
-            self.away.append(off)
-            self.variances.append(S)
+            likelihood -= off**2 * S + sp.log(S)
             self.now = write.matrix(f"refined_{i}_z", self.now + Vr * off)
             entries = {(a, b): self.cov[a, b] - Vr[a] * Vr[b] / S for a, b in self._upper}
             self.cov = write.symmetric(f"refined_{i}_V", n + 2, entries)
+        self.likelihood = write.define("named_likelihood", likelihood)
 
     def size(self, start: Start, limits: Sequence[tuple[sp.Expr, sp.Expr]]) -> None:
         """Write the amplitude, of a constant change unless the rate is significant, and its variance."""
@@ -331,31 +336,121 @@ class _Estimate:
         explained = self.Psi_next * part[:n, :] + part[n] * s_next + part[n + 1] * ramp_next
         self.then = {"named_s": s_next, "named_ramp": ramp_next, "named_o": self.error_next - explained}
 
-    def begin(self, probes: Probes, start: Start, after: sp.Matrix, segment: int) -> None:
+    def judge(
+        self, start: Start, after: sp.Matrix, moves: sp.Matrix, spared: sp.Expr, forces: Sequence[int]
+    ) -> None:
+        """Write whether the amplitude holds, and whether unknown accelerations explain more than the name."""
+        write, bank, n = self._write, self._bank, self._n
+        begins = write.define("estimate_begins", chosen(self._told < sp.S.Half, sp.S.One, self.anew))
+        starts = begins > sp.S.Half
+        explained = _explained(write, bank, n, self._of_named)
+        along = [*explained, sp.S.One]
+        self.first_z = sp.Matrix([self.first * e for e in along])
+        spread = [[self.wide * a * b for b in along] for a in along]
+        for i in range(n):
+            for k in range(n):
+                spread[i][k] += start.evidence * self.phi * after[i, k]
+        self.first_V = sp.Matrix(spread)
+        wanders = sp.Integer(self._wander)
+        size = sp.Max(self.peak**2, self.theta**2 + self.variance)
+        known = [
+            write.matrix(f"known_{k}", moves + left - M * self.moved)
+            for k, left, M in (("named", self.left, self.M), ("unknown", sp.zeros(n, 1), bank.M))
+        ]
+        self.wandering = track(
+            write,
+            "wandering",
+            self._plant,
+            bank.whitened,
+            bank.C,
+            self.M,
+            self.push,
+            self.jolt,
+            known[0],
+            self.phi,
+            [size / wanders],
+            begins,
+            self.first_z,
+            self.first_V,
+        )
+        lead = self._state("lead", "1", "evidence for a constant amplitude")
+        gained = write.define("lead_now", sp.Min(lead + self.likelihood - self.wandering.likelihood, 2 * DECIDES))
+        moved = sp.And(sp.Not(starts), gained < -DECIDES)
+        self.refuted, self.doubts = sp.S.Zero, []
+        if forces:
+            info = [
+                sp.Max(_of_window(write, f"unknown_J[{p}]", bank.information[j]), 1e-300)
+                for p, j in enumerate(forces)
+            ]
+            score = [_of_window(write, f"unknown_b[{p}]", bank.score[j]) for p, j in enumerate(forces)]
+            shown = [
+                write.define(f"unknown_g[{p}]", b**2 / J)
+                for p, (b, J) in enumerate(zip(score, info, strict=True))
+            ]
+            most = write.define("unknown_most", sp.Max(*shown, evaluate=False))
+            sizes = [chosen(g >= most, b / J, sp.S.Zero) for g, b, J in zip(shown, score, info, strict=True)]
+            sizes = [write.define(f"unknown_first[{p}]", e) for p, e in enumerate(sizes)]
+            spread = sp.zeros(n + len(forces), n + len(forces))
+            spread[:n, :n] = self.first_V[:n, :n]
+            for p, e in enumerate(sizes):
+                spread[n + p, n + p] = e**2
+            self.others = track(
+                write,
+                "others",
+                self._plant,
+                bank.whitened,
+                bank.C,
+                bank.M,
+                sp.Matrix.hstack(*(bank.pushes[j] for j in forces)),
+                sp.zeros(len(bank.whitened), len(forces)),
+                known[1],
+                self.phi,
+                [start.evidence / J / wanders for J in info],
+                begins,
+                sp.Matrix([*self.first_z[:n], *sizes]),
+                spread,
+            )
+            against = self._state("against", "1", "evidence for unknown accelerations")
+            now = write.define(
+                "against_now", sp.Max(against + self.others.likelihood - self.likelihood, -2 * DECIDES)
+            )
+            less = sp.Max(-2 * DECIDES, sp.Min(most - start.explained, 0))
+            caught = chosen(moved, sp.Max(now + gained, -2 * DECIDES), now)
+            self._following["against"] = chosen(starts, less, caught)
+            self.refuted = write.define(
+                "refuted",
+                chosen(sp.And(sp.Not(starts), spared < sp.S.Half, now + sp.Min(gained, 0) > DECIDES), sp.S.One, sp.S.Zero),
+            )
+            doubt = sp.Or(starts, now > -DECIDES, gained < DECIDES)
+            share = [
+                write.define(
+                    f"unknown_share[{p}]",
+                    self.others.x[n + p] ** 2 / sp.Max(self.others.P[n + p, n + p], 1e-300),
+                )
+                for p in range(len(forces))
+            ]
+            largest = sp.Max(*share, evaluate=False)
+            self.doubts = [sp.And(doubt, e >= largest) for e in share]
+        self.renewed = write.define(
+            "renewed", chosen(sp.And(moved, self.refuted < sp.S.Half), sp.S.One, sp.S.Zero)
+        )
+        self._following["lead"] = chosen(sp.Or(starts, self.renewed > sp.S.Half), sp.S.Zero, gained)
+
+    def begin(self) -> None:
         """Write the next estimate: this one, or where it begins anew."""
-        write, n, r = self._write, self._n, self._n + 1
-        self.renews = probes.renewed > sp.S.Half
-        begin = write.define("begin_estimate", sp.Max(self.anew, probes.renewed))
-        self.begins = begin > sp.S.Half
-
-        def of_start(name: str, renewed: sp.Expr, named: sp.Expr) -> sp.Expr:
-            return write.define(name, chosen(self.renews, renewed, named))
-
-        explained = _explained(write, self._bank, n, self._of_named)
-        along = [*(chosen(self.renews, probes.column[i], explained[i]) for i in range(n)), sp.S.One]
-        along = [write.define(f"along[{i}]", e) for i, e in enumerate(along)]
-        size = of_start("step_size", probes.change, self.first)
-        proof = of_start("step_evidence", probes.change**2 * probes.information, start.evidence)
-        wide = of_start("step_variance", probes.change**2 + 1 / probes.information, self.wide)
-        base = [write.define(f"base[{i}]", probes.renewed * e) for i, e in enumerate(self.error_next)]
-        here = write.define("theta_from", probes.renewed * self.theta)
-        values = [*(base[i] + size * along[i] for i in range(n)), here + size, sp.S.Zero]
-        for i, value in enumerate(values):
+        n, r, renews = self._n, self._n + 1, self.renewed > sp.S.Half
+        self.begins = sp.Or(self.anew > sp.S.Half, renews)
+        named, wandering = (self.first_z, self.first_V), (self.wandering.x, self.wandering.P)
+        for i in range(n + 2):
+            value = sp.S.Zero if i == r else chosen(renews, wandering[0][i], named[0][i])
             self._following[f"z[{i}]"] = chosen(self.begins, value, self.now[i])
-        fastest = wide / sp.Integer(segment) ** 2  # it may grow by its standard deviation in a segment
         for i, k in self._upper:
-            value = wide * along[i] * along[k] if k <= n else fastest if i == r else sp.S.Zero
-            value += proof * self.phi * after[i, k] if k < n else 0
+            if k < r:
+                value = chosen(renews, wandering[1][i, k], named[1][i, k])
+            elif i == r:  # it may grow by its standard deviation in a segment
+                value = chosen(renews, wandering[1][n, n], named[1][n, n]) / sp.Integer(self._wander) ** 2
+            else:
+                value = sp.S.Zero
             self._following[f"V[{i},{k}]"] = chosen(self.begins, value, self.cov[i, k])
 
     def remember(self) -> None:
@@ -371,7 +466,6 @@ class _Estimate:
         following["named"] = write.define(
             "named_next", chosen(self._told > sp.S.Half, self._which, sp.S.Zero)
         )
-        self.peak = self._state("peak", "1", "largest amplitude that was significant")
         squared, least = self.theta**2, DECIDES * self.variance
         higher = sp.And(squared > self.peak**2, squared > least, self.steady > sp.S.Half)
         kept = chosen(higher, self.theta, self.peak)
@@ -380,13 +474,14 @@ class _Estimate:
         self._state("named_variance", "1", "variance of the amplitude")
         following["named_theta"], following["named_variance"] = self.amplitude, self.variance
 
-    def result(self, probes: Probes) -> Refined:
+    def result(self) -> Refined:
         """Return the estimate."""
+        trackers = [self.wandering, *([self.others] if self.doubts else [])]
         none, same, r = self.theta**2, (self.theta - self.peak) ** 2, self._n + 1
         ended = sp.And(same - none > DECIDES * self.variance, none < DECIDES * self.variance)
         return Refined(
-            (*self._own, *probes.states),
-            self._following | probes.next_values,
+            (*self._own, *(s for t in trackers for s in t.states)),
+            self._following | {key: e for t in trackers for key, e in t.next_values.items()},
             self.theta,
             self.variance,
             self.now[r],
@@ -394,27 +489,31 @@ class _Estimate:
             chosen(ended, sp.S.One, sp.S.Zero),
             self.age,
             self._bank.A * self.moved,
-            probes,
+            self.refuted,
+            self.doubts,
         )
+
+
+def _of_window(write: Equations, name: str, values: Sequence[sp.Expr]) -> sp.Expr:
+    """Write the value of the best window."""
+    window = sp.Symbol("best_window", real=True)
+    pairs = [(v, window < w + 0.5) for w, v in enumerate(values[:-1])]
+    return write.define(name, sp.Piecewise(*pairs, (values[-1], True), evaluate=False))
 
 
 def _explained(
     write: Equations, bank: Bank, n: int, of_named: Callable[[str, Sequence[sp.Expr]], sp.Expr]
 ) -> sp.Matrix:
     """Write c, the column of the named candidate since the start of the best window, before the next tick."""
-    window, W = sp.Symbol("best_window", real=True), range(len(bank.Psi))
-
-    def of_window(name: str, values: Sequence[sp.Expr]) -> sp.Expr:
-        pairs = [(v, window < w + 0.5) for w, v in enumerate(values[:-1])]
-        return write.define(name, sp.Piecewise(*pairs, (values[-1], True), evaluate=False))
+    W = range(len(bank.Psi))
 
     def begun(i: int) -> sp.Expr:
         values = [of_named(f"named_begun[{w},{i}]", [c[i] for c in bank.begun[w]]) for w in W]
-        return of_window(f"best_begun[{i}]", values)
+        return _of_window(write, f"best_begun[{i}]", values)
 
     s = sp.Matrix([of_named(f"named_after[{i}]", [c[i] for c in bank.after]) for i in range(n)])
     start = sp.Matrix([begun(i) for i in range(n)])
-    Psi = sp.Matrix(n, n, lambda i, k: of_window(f"best_Psi[{i},{k}]", [P[i, k] for P in bank.Psi]))
+    Psi = sp.Matrix(n, n, lambda i, k: _of_window(write, f"best_Psi[{i},{k}]", [P[i, k] for P in bank.Psi]))
     return write.matrix("explained", s - Psi * start)
 
 
