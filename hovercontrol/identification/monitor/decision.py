@@ -140,7 +140,7 @@ def decide(
     J = len(candidates)
     best = write.define("evidence", sp.Max(*largest[:J], evaluate=False))
     most = write.define("most_evidence", sp.Max(best, *largest[J:], evaluate=False))
-    least = write.define("least", least_evidence(most))
+    least = write.define("least", sp.Max(least_evidence(best), most - sp.Float(DECIDES)))
     possible = [sp.And(s.symbol < sp.S.Half, g >= least) for s, g in zip(refuted, largest, strict=False)]
     named_at_all = write.define("any_possible", chosen(sp.Or(*possible), sp.S.One, sp.S.Zero))
     lost = named_at_all < sp.S.Half
