@@ -282,7 +282,7 @@ def delays(log: hc.Log, rate: float = 1.0, seeds: int = 10) -> Iterator[tuple[st
     right, alone, within, early, all_delays, total = 0, 0, 0, 0, [], 0
     missed: Counter[str] = Counter()
     shares, sizes = [], []
-    candidates = names[: len(names) - len(NOISE)]
+    candidates = [s.name.removeprefix("possible_") for s in block.outputs if s.name.startswith("possible_")]
     for name in CASES:
         least, took = bound(run, changed(name, 0, noisy=False), rate), []
         told = []

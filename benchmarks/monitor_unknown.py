@@ -4,7 +4,8 @@ A constant force in each equation, coefficients, effects, offsets and scales of 
 candidate, set in at 12 s. What is said 5 s after the alarm: unknown, a wrong name alone, or a wrong name that
 is not alone.
 
-``python -m benchmarks.monitor_unknown RUNS MACHINE ...`` simulates RUNS for each change (4) of machines (all).
+``python -m benchmarks.monitor_unknown RUNS MACHINE ...`` simulates RUNS for each change (4) of machines
+(all).
 """
 
 from __future__ import annotations
@@ -22,7 +23,8 @@ from hovercontrol.identification.monitor.monitor import named_effects
 CHANGES: dict[str, dict[str, tuple[float, float]]] = {
     "hovercraft": {
         "push_u": (-0.1, 0.3), "push_v": (0.1, -0.3), "push_r": (0.1, -0.4), "sway_linear_drag": (0.5, 1.5),
-        "sway_quadratic_drag": (0.7, 2.0), "x_bias": (0.01, 0.05), "y_scale": (0.02, 0.1), "rudder_lag": (0.1, 0.2),
+        "sway_quadratic_drag": (0.7, 2.0), "x_bias": (0.01, 0.05), "y_scale": (0.02, 0.1),
+        "rudder_lag": (0.1, 0.2),
     },
     "boat": {
         "push_u": (-0.1, 0.3), "push_v": (0.1, -0.3), "push_r": (0.1, -0.4), "surge_linear_drag": (0.3, 1.0),

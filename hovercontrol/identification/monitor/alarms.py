@@ -38,15 +38,16 @@ class Alarm:
     name : str
         Of the candidate, or of the channel of a dead sensor or a lost command.
     kind : str
-        ``"change"``, ``"bias"`` of a channel, ``"unknown"`` acceleration that no candidate explains (its name
-        is that of the state), or ``"dead"`` sensor.
+        ``"change"``, ``"bias"`` of a channel, ``"dead"`` sensor, or ``"unknown"`` for what no candidate
+        explains: an acceleration (its name is that of the state), or an offset of a sensor (``NAME_bias``).
     change, std : float
         Change of the coefficient and its standard error; not a number for a dead sensor.
     unit : str
     since : float
         Estimated time of the onset [s].
     rivals : tuple of str
-        Other candidates that the samples cannot tell apart from it.
+        Other candidates that the samples cannot tell apart from it, and ``unknown_NAME`` for a change that is
+        in no candidate.
     evidence : float
         Twice the log-likelihood ratio.
     last : float
@@ -84,11 +85,13 @@ class Alarm:
         said = {
             "change": f"{self.name} changed by {size}",
             "bias": f"{self.name} {size}",
-            "unknown": f"no candidate explains the change: an acceleration of {size} in {self.name}'",
+            "unknown": f"no candidate explains the change: {_unknown(self.name, f' of {size}')}",
         }[self.kind]
         if self.grows:
             rate = f", growing by {_sized(self.rate, self.rate_std)}{unit} in 1 s"
-        rivals = f"; or {', '.join(self.rivals)}" if self.rivals else ""
+        named = [n for n in self.rivals if not n.startswith("unknown_")]
+        named += [f"{_unknown(n[8:])} that is no candidate" for n in self.rivals if n.startswith("unknown_")]
+        rivals = f"; or {', '.join(named)}" if named else ""
         ended = f"; ended at {self.ended:.1f} s" if math.isfinite(self.ended) else ""
         return f"{self.time:.1f} s: {said} since {self.since:.1f} s{rate}{ended}{rivals}"
 
@@ -101,6 +104,13 @@ class Alarm:
     def grows(self) -> bool:
         """Whether its rate is more than chance."""
         return abs(self.rate) > SIGNIFICANT * self.rate_std
+
+
+def _unknown(name: str, size: str = "") -> str:
+    sensor = name.endswith("_bias")
+    return (
+        f"an offset{size} of {name.removesuffix('_bias')}" if sensor else f"an acceleration{size} in {name}'"
+    )
 
 
 def _sized(value: float, std: float) -> str:
@@ -193,7 +203,7 @@ class Alarms:
 
     def _name(self, now: Alarm) -> Iterator[tuple[str, Alarm]]:
         before = self._put.get(now.name)
-        if before is not None and not now.rivals:  # does it take back what was put into the monitor?
+        if before is not None and not [n for n in now.rivals if n in self.names]:  # is it taken back?
             was = self.found[before]
             if abs(was.change + now.change) < SIGNIFICANT * math.hypot(was.std, now.std):
                 self.found[before] = replace(was, ended=now.since, last=now.last)
@@ -252,7 +262,9 @@ class Alarms:
             return float(tick.values[self._places[name]])
 
         name, unknown = self._every[which - 1], which > len(self.names)
-        rivals = tuple(n for n in self.names if n != name and value(f"possible_{n}") > 0.5)
+        unknowns = [n for n in self._every if n.startswith("unknown_")]
+        others = [n for n in (*self.names, *unknowns) if n != name]
+        rivals = tuple(n for n in others if value(f"possible_{n}") > 0.5)
         biased = name.removesuffix("_bias") in self._measured and name.endswith("_bias")
         return Alarm(
             raised,

@@ -145,7 +145,7 @@ def candidates_of(
 def unknowns_of(
     plant: Block, driven: Sequence[str], measured: Sequence[str], candidates: Sequence[Candidate]
 ) -> list[Candidate]:
-    """Return changes of any cause: an acceleration in the equation of each driven state, an offset of each sensor.
+    """Return changes of any cause: accelerations in the equations of driven states, then offsets of sensors.
 
     An offset that is a candidate is left out.
     """

@@ -26,7 +26,7 @@ from hovercontrol.blocks.signals import Signal
 from hovercontrol.control.observers.ins.kalman import Equations, chosen
 from hovercontrol.identification.monitor.bank import Bank
 from hovercontrol.identification.monitor.candidates import Candidate
-from hovercontrol.identification.monitor.refined import DECIDES, Refined, Start, refine, within
+from hovercontrol.identification.monitor.refined import DECIDES, DOUBTED, Refined, Start, refine, within
 from hovercontrol.identification.monitor.sized import Sized
 
 #: Error of the linear response to a change, as a part of it. Measured: see `benchmarks/monitor.py`.
@@ -181,7 +181,7 @@ def decide(
     rivals = [
         sp.And(
             told,
-            sp.Or(g >= most - sp.Float(DECIDES), doubt),
+            sp.Or(g >= most - sp.Float(DOUBTED), doubt),
             sp.Not(sp.Or(*(p for c, p in zip(candidates, possible, strict=True) if c.like(u)))),
         )
         for u, g, doubt in zip(unknowns, largest[J:], doubts, strict=True)

@@ -24,7 +24,7 @@ from hovercontrol.identification.monitor.sensors import Sensors, check_samples
 from hovercontrol.identification.monitor.sized import AtTheEstimate
 
 RESET = Signal("reset", "1", "1 to restart the tests at the next tick", lower=0.0, upper=1.0)
-#: Length of a segment of :mod:`.probes` in lengths of the shortest window.
+#: Length of a segment of :mod:`.refined` in lengths of the shortest window.
 SEGMENT = 2
 
 LATCHED = Signal("latched", "1", "1 after an alarm")
@@ -94,8 +94,8 @@ def monitor_block(
 def column_block(design: Design) -> Block:
     """Return the part of a monitor without an alarm that gives what the signatures follow from.
 
-    Its outputs are the entries of eta of the candidates and the unknown changes, shape (J, m), of the columns s, (J, n), of C,
-    (m, n), of M = Phi A, (n, n), row by row, and of the limited e, (m,): see
+    Its outputs are the entries of eta of the candidates and the unknown changes, shape (J, m), of the columns
+    s, (J, n), of C, (m, n), of M = Phi A, (n, n), row by row, and of the limited e, (m,): see
     :mod:`hovercontrol.identification.monitor.bank`.
     """
     write = Equations()
@@ -173,8 +173,8 @@ def _tests(design: Design, write: Equations, own: _Constants) -> _Tests:
     phi = [s.symbol for s in own.dispersion] or [sp.S.One] * len(design.every)
     bank = write_bank(
         write, plant, steps, Phi, forced, bias,
-        windows=design.windows, first=design.first, dispersion=phi, tested=len(design.candidates), many=sensors.many, jump=sensors.jump,
-        hold=sp.Symbol("test_alarm", real=True),
+        windows=design.windows, first=design.first, dispersion=phi, tested=len(design.candidates),
+        many=sensors.many, jump=sensors.jump, hold=sp.Symbol("test_alarm", real=True),
         raised=sp.Symbol("raised", real=True), best_window=sp.Symbol("best_window", real=True),
     )  # fmt: skip
     parameters = (*own.every, *model.parameters, *(p for c in design.every for p in c.parameters))
@@ -196,8 +196,8 @@ def _assembled(
     sized = {j: at.write(c, j, [s.name for s in plant]) for j, c in enumerate(design.candidates) if c.law}
     limits = [_bounds(c, design, begun.now) for c in design.every]
     decision = decide(
-        write, design.candidates, design.unknowns, bank, plant, then.P, own.floors, limits, own.threshold.symbol,
-        LATCHED.symbol, settled, sensors.dead, model.measured, step, sized,
+        write, design.candidates, design.unknowns, bank, plant, then.P, own.floors, limits,
+        own.threshold.symbol, LATCHED.symbol, settled, sensors.dead, model.measured, step, sized,
         _moves(begun, design, write, step), _turns(begun, design, write),
         SEGMENT * design.first,
     )  # fmt: skip

@@ -4,7 +4,8 @@ Interface of the Block. Inputs: the measured channels and the commands under the
 ``fresh_NAME`` where samples may be lost, and ``reset``. Outputs:
 
 - ``alarm``: 1 from an alarm on until a reset, and while a sensor is dead;
-- ``effect``: 0 none, 1 ... J the candidate, J + 1 ... J + m a dead sensor, then an unknown change (:func:`named_effects` returns their names);
+- ``effect``: 0 none, 1 ... J the candidate, J + 1 ... J + m a dead sensor, then an unknown change
+  (:func:`named_effects` returns their names);
 - ``evidence``: the largest g (twice the log-likelihood ratio); the alarm comes above the parameter
   ``threshold``;
 - ``change``, ``change_std``: present change of the named candidate's coefficient, or unknown acceleration,

@@ -36,11 +36,9 @@ noise brings in the mean plus twice the standard deviation of that, bounds the d
 at most theta^2. Besides, d0 has the covariance g phi P: the evidence g at the alarm bounds the error in units
 of the filter's covariance P. phi is the dispersion of the named candidate, 1 where the noise is as stated.
 
-If another candidate is named, all begin anew. If the amplitude does not hold (:mod:`.probes`), the estimate
-begins anew from the present error d: the change of the amplitude in the last segment of time has the place
-of theta, and its own size as its standard deviation. So it does every few segments while the amplitude has a
-rate. The change has ended if the likelihood of no change is more than 1/ERROR times that of the largest
-amplitude that was significant, and no change is possible.
+If another candidate is named, all begin anew. If the amplitude does not hold (:mod:`.judged`), the estimate
+begins anew from one that wanders. The change has ended if the likelihood of no change is more than 1/ERROR
+times that of the largest amplitude that was significant, and no change is possible.
 
 The estimate is limited to the bounds of theta.
 
@@ -58,8 +56,8 @@ import sympy as sp
 from hovercontrol.blocks.signals import Signal
 from hovercontrol.control.observers.ins.kalman import Equations, chosen
 from hovercontrol.identification.monitor.bank import Bank
+from hovercontrol.identification.monitor.judged import Named, judge, of_window
 from hovercontrol.identification.monitor.sized import Sized
-from hovercontrol.identification.monitor.tracking import track
 
 #: Stands for an infinite bound of theta among finite ones.
 FAR = 1e30
@@ -69,6 +67,12 @@ ERROR = 0.01
 
 #: Twice the logarithm of the likelihood ratio that decides.
 DECIDES = 2.0 * math.log(1.0 / ERROR)
+
+#: Prior odds of the candidates to a change that is none of them: who lists them takes them for likelier.
+FAMILIAR = 10.0
+
+#: Twice the logarithm of the likelihood ratio that excludes an unknown change.
+DOUBTED = DECIDES - 2.0 * math.log(FAMILIAR)
 
 
 @dataclass(frozen=True)
@@ -176,7 +180,7 @@ def refine(
     turns : sequence of sympy.Matrix, shape (n, n)
         Slope by the state of each one's change of the state over the tick.
     segment : int
-        Ticks of a segment of the probes.
+        Ticks of a segment of time.
     tested : int
         Number of candidates.
     lasting : sequence of int
@@ -185,7 +189,7 @@ def refine(
     forces : sequence of int
         Unknown accelerations, by number from 0.
     """
-    it = _Estimate(write, bank, plant, which, told, tested, 4 * segment)
+    it = _Estimate(write, bank, plant, which, told, tested, segment)
     it.choose(sized)
     it.update()
     it.size(start, limits)
@@ -205,6 +209,8 @@ class _Estimate:
     ----------
     tested : int
         Number of candidates; unknown changes come after them.
+    segment : int
+        Ticks of a segment.
     """
 
     def __init__(
@@ -215,9 +221,9 @@ class _Estimate:
         which: sp.Expr,
         told: sp.Expr,
         tested: int,
-        wander: int,
+        segment: int,
     ) -> None:
-        self._wander = wander
+        self._segment = segment
         self._write, self._bank, self._plant = write, bank, plant
         self._which, self._told, self._tested = which, told, tested
         self._own: list[Signal] = []
@@ -339,118 +345,33 @@ class _Estimate:
     def judge(
         self, start: Start, after: sp.Matrix, moves: sp.Matrix, spared: sp.Expr, forces: Sequence[int]
     ) -> None:
-        """Write whether the amplitude holds, and whether unknown accelerations explain more than the name."""
-        write, bank, n = self._write, self._bank, self._n
+        """Write whether the amplitude holds, and whether the name does."""
+        write, n = self._write, self._n
+        along = [*_explained(write, self._bank, n, self._of_named), sp.S.One]
+        spread = sp.Matrix(n + 1, n + 1, lambda i, k: self.wide * along[i] * along[k])
+        spread[:n, :n] += start.evidence * self.phi * after
         begins = write.define("estimate_begins", chosen(self._told < sp.S.Half, sp.S.One, self.anew))
-        starts = begins > sp.S.Half
-        explained = _explained(write, bank, n, self._of_named)
-        along = [*explained, sp.S.One]
-        self.first_z = sp.Matrix([self.first * e for e in along])
-        spread = [[self.wide * a * b for b in along] for a in along]
-        for i in range(n):
-            for k in range(n):
-                spread[i][k] += start.evidence * self.phi * after[i, k]
-        self.first_V = sp.Matrix(spread)
-        wanders = sp.Integer(self._wander)
-        size = sp.Max(self.peak**2, self.theta**2 + self.variance)
-        known = [
-            write.matrix(f"known_{k}", moves + left - M * self.moved)
-            for k, left, M in (("named", self.left, self.M), ("unknown", sp.zeros(n, 1), bank.M))
-        ]
-        self.wandering = track(
-            write,
-            "wandering",
-            self._plant,
-            bank.whitened,
-            bank.C,
-            self.M,
-            self.push,
-            self.jolt,
-            known[0],
-            self.phi,
-            [size / wanders],
-            begins,
-            self.first_z,
-            self.first_V,
+        self.start = Named(
+            self.M, self.push, self.jolt, self.left, self.moved, moves, self.phi, self.likelihood,
+            sp.Max(self.peak**2, self.theta**2 + self.variance), self.first * sp.Matrix(along), spread,
+            start.evidence, start.explained, begins, spared, self.steady,
+        )  # fmt: skip
+        self.judged = judge(
+            write, self._plant, self._bank, self.start, forces, self._segment, DECIDES, DOUBTED
         )
-        lead = self._state("lead", "1", "evidence for a constant amplitude")
-        gained = write.define("lead_now", sp.Min(lead + self.likelihood - self.wandering.likelihood, 2 * DECIDES))
-        moved = sp.And(sp.Not(starts), gained < -DECIDES)
-        self.refuted, self.doubts = sp.S.Zero, []
-        if forces:
-            info = [
-                sp.Max(_of_window(write, f"unknown_J[{p}]", bank.information[j]), 1e-300)
-                for p, j in enumerate(forces)
-            ]
-            score = [_of_window(write, f"unknown_b[{p}]", bank.score[j]) for p, j in enumerate(forces)]
-            shown = [
-                write.define(f"unknown_g[{p}]", b**2 / J)
-                for p, (b, J) in enumerate(zip(score, info, strict=True))
-            ]
-            most = write.define("unknown_most", sp.Max(*shown, evaluate=False))
-            sizes = [chosen(g >= most, b / J, sp.S.Zero) for g, b, J in zip(shown, score, info, strict=True)]
-            sizes = [write.define(f"unknown_first[{p}]", e) for p, e in enumerate(sizes)]
-            spread = sp.zeros(n + len(forces), n + len(forces))
-            spread[:n, :n] = self.first_V[:n, :n]
-            for p, e in enumerate(sizes):
-                spread[n + p, n + p] = e**2
-            self.others = track(
-                write,
-                "others",
-                self._plant,
-                bank.whitened,
-                bank.C,
-                bank.M,
-                sp.Matrix.hstack(*(bank.pushes[j] for j in forces)),
-                sp.zeros(len(bank.whitened), len(forces)),
-                known[1],
-                self.phi,
-                [start.evidence / J / wanders for J in info],
-                begins,
-                sp.Matrix([*self.first_z[:n], *sizes]),
-                spread,
-            )
-            against = self._state("against", "1", "evidence for unknown accelerations")
-            now = write.define(
-                "against_now", sp.Max(against + self.others.likelihood - self.likelihood, -2 * DECIDES)
-            )
-            less = sp.Max(-2 * DECIDES, sp.Min(most - start.explained, 0))
-            caught = chosen(moved, sp.Max(now + gained, -2 * DECIDES), now)
-            self._following["against"] = chosen(starts, less, caught)
-            self.refuted = write.define(
-                "refuted",
-                chosen(sp.And(sp.Not(starts), spared < sp.S.Half, now + sp.Min(gained, 0) > DECIDES), sp.S.One, sp.S.Zero),
-            )
-            doubt = sp.Or(starts, now > -DECIDES, gained < DECIDES)
-            share = [
-                write.define(
-                    f"unknown_share[{p}]",
-                    self.others.x[n + p] ** 2 / sp.Max(self.others.P[n + p, n + p], 1e-300),
-                )
-                for p in range(len(forces))
-            ]
-            largest = sp.Max(*share, evaluate=False)
-            self.doubts = [sp.And(doubt, e >= largest) for e in share]
-        self.renewed = write.define(
-            "renewed", chosen(sp.And(moved, self.refuted < sp.S.Half), sp.S.One, sp.S.Zero)
-        )
-        self._following["lead"] = chosen(sp.Or(starts, self.renewed > sp.S.Half), sp.S.Zero, gained)
 
     def begin(self) -> None:
         """Write the next estimate: this one, or where it begins anew."""
-        n, r, renews = self._n, self._n + 1, self.renewed > sp.S.Half
+        n, r, renews = self._n, self._n + 1, self.judged.renewed > sp.S.Half
         self.begins = sp.Or(self.anew > sp.S.Half, renews)
-        named, wandering = (self.first_z, self.first_V), (self.wandering.x, self.wandering.P)
+        x, P = self.judged.wandering.x, self.judged.wandering.P
         for i in range(n + 2):
-            value = sp.S.Zero if i == r else chosen(renews, wandering[0][i], named[0][i])
+            value = sp.S.Zero if i == r else chosen(renews, x[i], self.start.first[i])
             self._following[f"z[{i}]"] = chosen(self.begins, value, self.now[i])
         for i, k in self._upper:
-            if k < r:
-                value = chosen(renews, wandering[1][i, k], named[1][i, k])
-            elif i == r:  # it may grow by its standard deviation in a segment
-                value = chosen(renews, wandering[1][n, n], named[1][n, n]) / sp.Integer(self._wander) ** 2
-            else:
-                value = sp.S.Zero
+            value = sp.S.Zero if k == r else chosen(renews, P[i, k], self.start.spread[i, k])
+            if i == r:  # it may grow by its standard deviation in a segment
+                value = chosen(renews, P[n, n], self.start.spread[n, n]) / sp.Integer(self._segment) ** 2
             self._following[f"V[{i},{k}]"] = chosen(self.begins, value, self.cov[i, k])
 
     def remember(self) -> None:
@@ -476,12 +397,11 @@ class _Estimate:
 
     def result(self) -> Refined:
         """Return the estimate."""
-        trackers = [self.wandering, *([self.others] if self.doubts else [])]
         none, same, r = self.theta**2, (self.theta - self.peak) ** 2, self._n + 1
         ended = sp.And(same - none > DECIDES * self.variance, none < DECIDES * self.variance)
         return Refined(
-            (*self._own, *(s for t in trackers for s in t.states)),
-            self._following | {key: e for t in trackers for key, e in t.next_values.items()},
+            (*self._own, *self.judged.states),
+            self._following | self.judged.next_values,
             self.theta,
             self.variance,
             self.now[r],
@@ -489,16 +409,9 @@ class _Estimate:
             chosen(ended, sp.S.One, sp.S.Zero),
             self.age,
             self._bank.A * self.moved,
-            self.refuted,
-            self.doubts,
+            self.judged.refuted,
+            self.judged.doubts,
         )
-
-
-def _of_window(write: Equations, name: str, values: Sequence[sp.Expr]) -> sp.Expr:
-    """Write the value of the best window."""
-    window = sp.Symbol("best_window", real=True)
-    pairs = [(v, window < w + 0.5) for w, v in enumerate(values[:-1])]
-    return write.define(name, sp.Piecewise(*pairs, (values[-1], True), evaluate=False))
 
 
 def _explained(
@@ -509,11 +422,11 @@ def _explained(
 
     def begun(i: int) -> sp.Expr:
         values = [of_named(f"named_begun[{w},{i}]", [c[i] for c in bank.begun[w]]) for w in W]
-        return _of_window(write, f"best_begun[{i}]", values)
+        return of_window(write, f"best_begun[{i}]", values)
 
     s = sp.Matrix([of_named(f"named_after[{i}]", [c[i] for c in bank.after]) for i in range(n)])
     start = sp.Matrix([begun(i) for i in range(n)])
-    Psi = sp.Matrix(n, n, lambda i, k: _of_window(write, f"best_Psi[{i},{k}]", [P[i, k] for P in bank.Psi]))
+    Psi = sp.Matrix(n, n, lambda i, k: of_window(write, f"best_Psi[{i},{k}]", [P[i, k] for P in bank.Psi]))
     return write.matrix("explained", s - Psi * start)
 
 

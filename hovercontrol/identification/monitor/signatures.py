@@ -32,7 +32,8 @@ def along_motion(design: Design, path: Motion) -> tuple[Design, Signatures, Arra
     """Return signatures along a motion, and innovations, after the filter has settled.
 
     The signatures are those of the candidates and of the unknown changes, the design that without unknown
-    changes that never show. The innovations, shape (K, m), are divided by their standard deviations and limited.
+    changes that never show. The innovations, shape (K, m), are divided by their standard deviations and
+    limited.
 
     Raises
     ------

@@ -24,6 +24,7 @@ import sympy as sp
 
 from hovercontrol.blocks.signals import Signal
 from hovercontrol.control.observers.ins.kalman import Equations, chosen
+from hovercontrol.identification.monitor.bank import Bank
 
 
 @dataclass(frozen=True)
@@ -51,8 +52,7 @@ def track(
     write: Equations,
     name: str,
     plant: Sequence[Signal],
-    seen: Sequence[sp.Expr],
-    C: sp.Matrix,
+    bank: Bank,
     M: sp.Matrix,
     pushes: sp.Matrix,
     jolts: sp.Matrix,
@@ -69,9 +69,9 @@ def track(
     ----------
     plant : sequence of Signal
         States of the filter.
-    seen : sequence of sympy.Expr
-        e.
-    C, M : sympy.Matrix, shape (m, n) and (n, n)
+    bank : Bank
+        Of which C and e are used.
+    M : sympy.Matrix, shape (n, n)
     pushes, jolts : sympy.Matrix, shape (n, r) and (m, r)
         g and b.
     known : sympy.Matrix, shape (n, 1)
@@ -94,8 +94,8 @@ def track(
     x = sp.Matrix([s.symbol for s in own])
     P = sp.Matrix(n + r, n + r, lambda i, k: cov[min(i, k), max(i, k)].symbol)
     likelihood = sp.S.Zero
-    for i, e in enumerate(seen):
-        row = sp.Matrix([[*C[i, :], *jolts[i, :]]])
+    for i, e in enumerate(bank.whitened):
+        row = sp.Matrix([[*bank.C[i, :], *jolts[i, :]]])
         Pr = write.matrix(f"{name}_{i}_Pr", P * row.T)
         S = write.define(f"{name}_{i}_S", phi + (row * Pr)[0])
         away = write.define(f"{name}_{i}_away", (e - (row * x)[0]) / S)

@@ -26,7 +26,7 @@ def test_a_change_that_ends_is_told_once_with_both_times(until):
         first, *others = hc.replay(cart_monitor(), log(seed=seed, drag=0.4, until=until)).alarms
         told = first.name == "c" and abs(first.since - 30.0) < 2.0
         right += told and not others and abs(first.ended - until) < 5.0
-    assert right >= 5
+    assert right == 6
 
 
 def test_a_change_that_grows_has_its_rate():
@@ -49,9 +49,9 @@ def test_a_change_that_grows_has_its_rate():
     assert (np.abs(errors) < 2.0).sum() >= 6
 
 
-@pytest.mark.parametrize("drag", [0.3, 1.0])
+@pytest.mark.parametrize("drag", [0.3, 1.0, 3.0])
 def test_errors_hold_for_large_changes(drag):
-    """The drag is up to three times as large: the response is not linear."""
+    """The drag is up to seven times as large: the response is not linear."""
     runs = [hc.replay(cart_monitor(), log(45.0, seed=seed, drag=drag)).alarms[0] for seed in range(8)]
     z = np.array([(a.change - drag) / a.std for a in runs])
     assert {a.name for a in runs} == {"c"} and (np.abs(z) < 2.0).sum() >= 6 and abs(z.mean()) < 1.0
