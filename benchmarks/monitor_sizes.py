@@ -176,21 +176,29 @@ def runs_of(machine: Machine, name: str, size: float, seeds: Sequence[int]) -> I
         yield {n: found[n] for n in names if n in machine.noise or n not in machine.process}
 
 
-def motion(machine: Machine) -> hc.Log:
-    """Return a minute of the loop without noise."""
-    loop, t = loop_of(machine, machine.model), np.arange(0.0, 60.0, PERIOD)
-    still = {f"push_{n}": 0 * t for n in machine.process}
-    run = loop.compile().simulate(t, still)
-    return hc.Log(
-        "loop", t, dict(zip((s.name for s in loop.outputs), np.atleast_2d(run.outputs), strict=True))
-    )
+def sound(machine: Machine, seconds: float, seed: int) -> hc.Log:
+    """Return a measured log of the loop in which nothing changes."""
+    loop, t = loop_of(machine, machine.model), np.arange(0.0, seconds, PERIOD)
+    rng = np.random.default_rng(seed)
+    push = {f"push_{n}": q / np.sqrt(PERIOD) * rng.normal(size=t.size) for n, q in machine.process.items()}
+    run = loop.compile().simulate(t, push, hold="zero")
+    found = dict(zip((s.name for s in loop.outputs), np.atleast_2d(run.outputs), strict=True))
+    for n, std in machine.noise.items():
+        found[n] = found[n] + std * rng.normal(size=t.size)
+    kept = {n: v for n, v in found.items() if n in machine.noise or n not in machine.process}
+    return hc.Log("loop", t, kept)
 
 
 def monitor_of(machine: Machine) -> hc.Block:
-    """Return the monitor of a machine, with one false alarm an hour."""
+    """Return the monitor of a machine, with one false alarm an hour.
+
+    Its commands follow speeds that the monitor does not measure, so that they tell more than its samples: the
+    dispersion along a log covers that.
+    """
     return hc.monitor(
         machine.model, list(machine.changes), false_alarms_per_hour=1.0, period=PERIOD,
-        process_noise=machine.process, measurement_noise=machine.noise, motion=motion(machine),
+        process_noise=machine.process, measurement_noise=machine.noise, motion=sound(machine, 120.0, 999),
+        dispersion=True,
     )  # fmt: skip
 
 

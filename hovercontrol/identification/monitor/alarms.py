@@ -194,7 +194,8 @@ class Alarms:
         self.open = now
         if self._told:
             self.found[-1] = now
-            if math.isfinite(now.ended) or not now.significant:
+            wanes = now.kind != "unknown" and not now.significant  # an unknown one may pass through zero
+            if math.isfinite(now.ended) or wanes:
                 self.found[-1] = now = replace(now, ended=now.ended if math.isfinite(now.ended) else now.last)
                 self.close()
                 yield "ended", now

@@ -81,8 +81,8 @@ class Judged:
     ----------
     states : tuple of Signal
     next_values : dict of str to sympy.Expr
-    renewed, refuted : sympy.Expr
-        1 if the amplitude does not hold, and if the name does not.
+    renewed, refuted, holds : sympy.Expr
+        1 if the amplitude does not hold, if the name does not, and if the amplitude does hold.
     doubts : list of sympy.Expr
         For each unknown acceleration, whether the alarm may be due to it.
     wandering : Tracked
@@ -93,6 +93,7 @@ class Judged:
     next_values: dict[str, sp.Expr]
     renewed: sp.Expr
     refuted: sp.Expr
+    holds: sp.Expr
     doubts: list[sp.Expr]
     wandering: Tracked
 
@@ -152,7 +153,8 @@ def judge(
         doubts = [sp.And(doubt, e >= sp.Max(*shares, evaluate=False)) for e in shares]
     renewed = write.define("renewed", chosen(sp.And(moved, refuted < sp.S.Half), sp.S.One, sp.S.Zero))
     following[lead.name] = chosen(sp.Or(starts, renewed > sp.S.Half), sp.S.Zero, ahead)
-    return Judged(tuple(states), following, renewed, refuted, doubts, wandering)
+    holds = chosen(ahead < doubted, sp.S.Zero, sp.S.One)
+    return Judged(tuple(states), following, renewed, refuted, holds, doubts, wandering)
 
 
 def _accelerations(

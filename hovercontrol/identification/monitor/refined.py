@@ -38,7 +38,7 @@ of the filter's covariance P. phi is the dispersion of the named candidate, 1 wh
 
 If another candidate is named, all begin anew. If the amplitude does not hold (:mod:`.judged`), the estimate
 begins anew from one that wanders. The change has ended if the likelihood of no change is more than 1/ERROR
-times that of the largest amplitude that was significant, and no change is possible.
+times that of the largest amplitude that was significant, no change is possible, and that holds.
 
 The estimate is limited to the bounds of theta.
 
@@ -398,7 +398,8 @@ class _Estimate:
     def result(self) -> Refined:
         """Return the estimate."""
         none, same, r = self.theta**2, (self.theta - self.peak) ** 2, self._n + 1
-        ended = sp.And(same - none > DECIDES * self.variance, none < DECIDES * self.variance)
+        surer = sp.And(same - none > DECIDES * self.variance, none < DECIDES * self.variance)
+        ended = sp.And(surer, self.judged.holds > sp.S.Half)
         return Refined(
             (*self._own, *self.judged.states),
             self._following | self.judged.next_values,

@@ -18,6 +18,33 @@ def test_an_acceleration_that_no_candidate_explains_is_unknown(seed):
     assert "no candidate explains the change" in found.text()
 
 
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_weaker_force_is_no_change_of_the_drag(seed):
+    """The command changes its sign with the speed, and a drag is no constant force: it follows for a time."""
+    first, *_ = hc.replay(cart_monitor(), log(50.0, seed=seed, gain=0.8)).alarms
+    assert (first.kind, first.name, first.rivals) == ("unknown", "v", ()) and np.isnan(first.ended)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_an_offset_of_a_sensor_that_is_no_candidate_is_unknown(seed):
+    (alarm,) = hc.replay(cart_monitor("c"), log(50.0, seed=seed, bias=0.1)).alarms
+    assert (alarm.kind, alarm.name, alarm.unit) == ("unknown", "p_bias", "m")
+    assert abs(alarm.change - 0.1) < 3 * alarm.std < 0.1
+    assert "no candidate explains the change: an offset of" in str(alarm)
+
+
+def test_a_name_has_an_unknown_acceleration_as_its_rival_until_its_size_holds():
+    watch, run = cart_monitor(), log(50.0, drag=0.4)
+    inputs = {
+        s.name: run.columns.get(s.name, 0 * run.time + s.name.startswith("fresh")) for s in watch.inputs
+    }
+    names = [s.name for s in watch.outputs]
+    out = dict(zip(names, watch.compile().simulate(run.time, inputs).outputs, strict=True))
+    k = int(np.argmax(out["alarm"] > 0.5))
+    assert out["effect"][k] == out["effect"][-1] == 1.0
+    assert out["possible_unknown_v"][k + 1] == 1.0 and out["possible_unknown_v"][-1] == 0.0
+
+
 @pytest.mark.parametrize("until", [33.0, 45.0])
 def test_a_change_that_ends_is_told_once_with_both_times(until):
     """It ends while the evidence is collected, or after it was put into the monitor."""
