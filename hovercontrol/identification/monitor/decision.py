@@ -13,6 +13,10 @@ two holds.
   in its change. If what the change does differs from that by a part `curvature` of its size, at right angles,
   the right candidate explains only ``1 - curvature^2`` of the evidence; a rival may explain more. For a small
   change this part is less than the noise, for a large one the first rule would exclude the right name.
+
+Unknown changes, constant accelerations and offsets of sensors, stand beside the candidates with the same
+windows and degree of freedom. Between them and a candidate only the first rule holds: the motion's response
+to an acceleration is linear but for the plant itself. One is named where no candidate is possible.
 """
 
 from __future__ import annotations
@@ -116,15 +120,7 @@ def decide(
     moves, turns, segment
         As for :func:`~hovercontrol.identification.monitor.refined.refine`.
     """
-    tests = [
-        [likelihood(b, info + floor.symbol, *limit) for b, info in zip(row, infos, strict=True)]
-        for row, infos, floor, limit in zip(
-            bank.limited_score, bank.information, floors, limits, strict=False
-        )
-    ]
-    limited = [
-        [write.define(f"limited_g[{w},{j}]", g) for w, g in enumerate(row)] for j, row in enumerate(tests)
-    ]
+    limited = _limited_evidence(write, bank, floors, limits)
     exceeds = sp.Max(*(g for row in limited for g in row), evaluate=False) > threshold
     alarm = write.define(
         "test_alarm", sp.Piecewise((1, sp.And(exceeds, settled > sp.S.Half)), (latched, True))
@@ -138,19 +134,7 @@ def decide(
         for c, row in zip([*candidates, *unknowns], scores, strict=True)
     ]
     J = len(candidates)
-    best = write.define("evidence", sp.Max(*largest[:J], evaluate=False))
-    most = write.define("most_evidence", sp.Max(best, *largest[J:], evaluate=False))
-    least = write.define("least", sp.Max(least_evidence(best), most - sp.Float(DECIDES)))
-    possible = [sp.And(s.symbol < sp.S.Half, g >= least) for s, g in zip(refuted, largest, strict=False)]
-    named_at_all = write.define("any_possible", chosen(sp.Or(*possible), sp.S.One, sp.S.Zero))
-    lost = named_at_all < sp.S.Half
-    in_play = [
-        write.define(f"in_play[{j}]", chosen(p, g, -sp.S.One))
-        for j, (p, g) in enumerate(zip(possible, largest, strict=False))
-    ]
-    in_play += [
-        write.define(f"in_play[{j}]", chosen(lost, g, -sp.S.One)) for j, g in enumerate(largest[J:], J)
-    ]
+    best, most, possible, lost, in_play = _in_play(write, refuted, largest, J)
     likeliest = write.define("best_in_play", sp.Max(*in_play, evaluate=False))
     at = [(j, w) for j, row in enumerate(scores) for w in range(len(row))]
     tops = [sp.And(scores[j][w] >= in_play[j], in_play[j] >= likeliest) for j, w in at]
@@ -177,15 +161,7 @@ def decide(
     outputs |= _outputs_of_each(candidates, largest, possible, told)
     for s, d in zip(channels, dead, strict=True):
         outputs[Signal(f"dead_{s.name}", "1", f"1 while no new sample of {s.name} comes")] = d
-    doubts = [*refined.doubts, *[sp.false] * (len(unknowns) - len(refined.doubts))]
-    rivals = [
-        sp.And(
-            told,
-            sp.Or(g >= most - sp.Float(DOUBTED), doubt),
-            sp.Not(sp.Or(*(p for c, p in zip(candidates, possible, strict=True) if c.like(u)))),
-        )
-        for u, g, doubt in zip(unknowns, largest[J:], doubts, strict=True)
-    ]
+    rivals = _unknown_rivals(candidates, unknowns, largest[J:], most, possible, refined.doubts)
     outputs |= _unknown_outputs(unknowns, J, which, told, rivals)
     refutes = refined.refuted > sp.S.Half
     following = {
@@ -194,6 +170,61 @@ def decide(
     }
     values = {s.name: e for s, e in outputs.items()}
     return Decision(tuple(outputs), values, alarm, refined, tuple(refuted), following)
+
+
+def _limited_evidence(
+    write: Equations,
+    bank: Bank,
+    floors: Sequence[Signal],
+    limits: Sequence[tuple[sp.Expr, sp.Expr]],
+) -> list[list[sp.Expr]]:
+    """Write g of limited innovations, by candidate and window."""
+    each = zip(bank.limited_score, bank.information, floors, limits, strict=False)
+    return [
+        [
+            write.define(f"limited_g[{w},{j}]", likelihood(b, info + floor.symbol, *limit))
+            for w, (b, info) in enumerate(zip(row, infos, strict=True))
+        ]
+        for j, (row, infos, floor, limit) in enumerate(each)
+    ]
+
+
+def _in_play(
+    write: Equations, refuted: Sequence[Signal], largest: Sequence[sp.Expr], J: int
+) -> tuple[sp.Expr, sp.Expr, list[sp.Expr], sp.Expr, list[sp.Expr]]:
+    """Write which of the J candidates are possible, and what may be named: unknown changes only if none is.
+
+    Return the largest evidence of a candidate and that of all, whether each candidate is possible, whether
+    none is, and the evidence of each that may be named, else -1.
+    """
+    best = write.define("evidence", sp.Max(*largest[:J], evaluate=False))
+    most = write.define("most_evidence", sp.Max(best, *largest[J:], evaluate=False))
+    least = write.define("least", sp.Max(least_evidence(best), most - sp.Float(DECIDES)))
+    possible = [sp.And(s.symbol < sp.S.Half, g >= least) for s, g in zip(refuted, largest, strict=False)]
+    lost = write.define("any_possible", chosen(sp.Or(*possible), sp.S.One, sp.S.Zero)) < sp.S.Half
+    may = [*possible, *[lost] * (len(largest) - J)]
+    in_play = [
+        write.define(f"in_play[{j}]", chosen(p, g, -sp.S.One))
+        for j, (p, g) in enumerate(zip(may, largest, strict=True))
+    ]
+    return best, most, possible, lost, in_play
+
+
+def _unknown_rivals(
+    candidates: Sequence[Candidate],
+    unknowns: Sequence[Candidate],
+    evidence: Sequence[sp.Expr],
+    most: sp.Expr,
+    possible: Sequence[sp.Expr],
+    doubts: Sequence[sp.Expr],
+) -> list[sp.Expr]:
+    """Return whether an alarm may be due to each unknown change; not to one like a possible candidate."""
+    found = []
+    for p, (u, g) in enumerate(zip(unknowns, evidence, strict=True)):
+        twins = [e for c, e in zip(candidates, possible, strict=True) if c.like(u)]
+        doubt = doubts[p] if p < len(doubts) else sp.false
+        found.append(sp.And(sp.Or(g >= most - sp.Float(DOUBTED), doubt), sp.Not(sp.Or(*twins))))
+    return found
 
 
 def _lasting(candidates: Sequence[Candidate]) -> list[int]:
@@ -296,13 +327,15 @@ def _unknown_outputs(
     unknowns: Sequence[Candidate], J: int, which: sp.Expr, told: sp.Expr, rivals: Sequence[sp.Expr]
 ) -> dict[Signal, sp.Expr]:
     """Return for each unknown change whether it is named, and whether an alarm may be due to it."""
-    named = [sp.And(told, sp.Abs(which - (j + 1)) < sp.S.Half) for j in range(J, J + len(unknowns))]
+    named = [sp.Abs(which - (j + 1)) < sp.S.Half for j in range(J, J + len(unknowns))]
     outputs = {}
     for u, mine in zip(unknowns, named, strict=True):
-        outputs[Signal(u.name, "1", f"1 if no candidate explains the change: {_kind(u)}")] = mine
+        outputs[Signal(u.name, "1", f"1 if no candidate explains the change: {_kind(u)}")] = sp.And(
+            told, mine
+        )
     for u, mine, rival in zip(unknowns, named, rivals, strict=True):
         text = f"1 if an alarm may be due to {_kind(u)} that is in no candidate"
-        outputs[Signal(f"possible_{u.name}", "1", text)] = sp.Or(mine, rival)
+        outputs[Signal(f"possible_{u.name}", "1", text)] = sp.And(told, sp.Or(mine, rival))
     return {s: chosen(e, sp.S.One, sp.S.Zero) for s, e in outputs.items()}
 
 
