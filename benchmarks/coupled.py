@@ -15,7 +15,7 @@ from hovercontrol.app.commands.exportable import choose
 from hovercontrol.blocks.block import Block
 
 STEP, END = 0.01, 10.0
-BAR = 0.002
+BAR = 1e-4
 
 
 class Part:
@@ -56,8 +56,8 @@ class Part:
         rates.update(zip(self.outputs, found, strict=True))
 
 
-def coupled(folder: Path, extrapolate: bool) -> tuple[float, float]:
-    """Return the place after 10 s [m].
+def coupled(folder: Path, extrapolate: bool, step: float = STEP, end: float = END) -> tuple[float, float]:
+    """Return the place at the end [m].
 
     Inputs hold over a step: the outputs y of its beginning or, extrapolated, y + h/2 y', those of its middle.
     """
@@ -73,7 +73,7 @@ def coupled(folder: Path, extrapolate: bool) -> tuple[float, float]:
                 p.read(values)
     for p in parts:
         p.fmu.exitInitializationMode()
-    for k in range(round(END / STEP)):
+    for k in range(round(end / step)):
         for p in ordered:
             if not p.moves:
                 p.write(values)
@@ -83,10 +83,10 @@ def coupled(folder: Path, extrapolate: bool) -> tuple[float, float]:
             rates: dict[str, float] = {}
             for p in ordered:
                 p.rates(rates)
-            held = {name: y + 0.5 * STEP * rates[name] for name, y in values.items()}
+            held = {name: y + 0.5 * step * rates[name] for name, y in values.items()}
         for p in parts:
             p.write(held)
-            p.fmu.doStep(k * STEP, STEP)
+            p.fmu.doStep(k * step, step)
     plant = next(p for p in parts if "psi" in p.outputs)
     plant.read(values)
     for p in parts:

@@ -50,7 +50,7 @@ static double *take(double **block, int n)
     return here;
 }
 
-static int allocate(hc_around *c, const char *name)
+static int allocate(hc_around *c, int kind, const char *name)
 {
     const hc_model_type *m = &hc_model;
     const int n = m->n_states, all = table->n_states + n;
@@ -75,7 +75,7 @@ static int allocate(hc_around *c, const char *name)
     c->z_start = take(&block, table->n_indicators);
     c->y_start = take(&block, table->n_sources);
     c->y_end = take(&block, table->n_sources);
-    hc_ticks_place(&c->ticks, m, block);
+    hc_ticks_place(&c->ticks, m, kind == HC_CO_SIMULATION ? HC_TICK_SHARE : 0.0, block);
 #if HC_DELAYS
     c->delays = hc_delays_new(m->n_inputs);
     if (!c->delays)
@@ -99,7 +99,7 @@ hc_around *hc_around_new(const hc_log_type *log, const char *function, int kind,
         return NULL;
     }
     c = calloc(1, sizeof *c);
-    if (!c || !allocate(c, name)) {
+    if (!c || !allocate(c, kind, name)) {
         hc_log_message(log, HC_ERROR, function, "no memory");
         hc_around_free(c);
         return NULL;

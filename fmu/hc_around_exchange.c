@@ -157,7 +157,7 @@ int hc_around_tick(hc_around *c)
         return status;
     if (hc_ticks_due(&c->ticks, c->t))
         hc_ticks_take(&c->ticks, c->t, c->x, c->in, c->p, NULL);
-    else if (c->ticks.ticked && c->ticks.at == c->t)
+    else if (c->ticks.ticked && hc_ticks_same(&c->ticks, c->ticks.at, c->t))
         hc_ticks_again(&c->ticks, c->t, c->x, c->in, c->p, NULL);
     c->valid = 0;
     for (int i = hc_model.n_states - hc_model.n_held; i < hc_model.n_states; i++)

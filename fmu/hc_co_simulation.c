@@ -153,7 +153,7 @@ int hc_do_step(hc_instance *c, double time, double length, int *event, int *earl
                 return HC_DONE;
             }
         }
-        if (s->t >= end)
+        if (s->t >= end || (s->ticks.ticked && hc_ticks_same(&s->ticks, s->t, end)))
             break;
         if (steps > MAX_STEPS)
             return fail_step(c, HC_TOO_MANY_STEPS);

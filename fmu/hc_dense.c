@@ -45,7 +45,7 @@ void hc_interpolate(const hc_solver *s, double theta, double *restrict x)
 
 const int *hc_solver_inside(hc_solver *s, double t, double *x)
 {
-    if (t >= s->t - (s->n_held > 0 ? hc_room(s->t) : 0.0) || s->length == 0.0) {
+    if (t >= s->t || (s->ticks.ticked && hc_ticks_same(&s->ticks, t, s->t)) || s->length == 0.0) {
         memcpy(x, s->x, (size_t)(s->n + s->n_held) * sizeof *x);
         return s->mode;
     }

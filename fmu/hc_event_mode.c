@@ -70,7 +70,7 @@ static int update_ticks(hc_instance *c)
     const double t = c->value[0];
     if (hc_ticks_due(&c->ticks, t))
         hc_ticks_take(&c->ticks, t, c->x, c->in, c->p, c->mode);
-    else if (c->ticks.ticked && c->ticks.at == t)
+    else if (c->ticks.ticked && hc_ticks_same(&c->ticks, c->ticks.at, t))
         hc_ticks_again(&c->ticks, t, c->x, c->in, c->p, c->mode);
     for (int i = m->n_states - m->n_held; i < m->n_states; i++)
         if (!hc_is_finite(c->x[i]))

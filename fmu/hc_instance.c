@@ -46,7 +46,7 @@ static hc_instance *allocate(const hc_log_type *log, int kind, const char *name)
     c->partial = take(&block, m->n_partials);
     c->seed = take(&block, known);
     c->product = take(&block, n + m->n_outputs);
-    hc_ticks_place(&c->ticks, m, block);
+    hc_ticks_place(&c->ticks, m, 0.0, block);
     c->mode = calloc(2 * (size_t)k + 1, sizeof *c->mode);
     c->told = calloc((size_t)known + 1, 1);
     c->name = malloc(strlen(name) + 1);
@@ -169,8 +169,8 @@ int hc_fail_ticks(hc_instance *c)
 int hc_tell_solver(hc_instance *c)
 {
     hc_solver *s = c->solver;
-    const int goes_on = c->model->n_ticks > 0 && s->started && s->t == c->value[0];
-    const int status = hc_solver_set(s, c->value[0], goes_on ? NULL : c->x, c->in, c->p);
+    const int goes_on = c->model->n_ticks > 0 && s->started && hc_ticks_same(&s->ticks, s->t, c->value[0]);
+    const int status = hc_solver_set(s, goes_on ? s->t : c->value[0], goes_on ? NULL : c->x, c->in, c->p);
     c->changed = c->event = 0;
     if (c->model->n_ticks > 0) {
         c->valid = 0;

@@ -55,7 +55,7 @@ hc_solver *hc_solver_new(const hc_model_type *model, const hc_options *options)
     s->a = take(&block, HC_SAMPLES * m);
     s->b = take(&block, HC_SAMPLES * m);
     s->theta = take(&block, m);
-    hc_ticks_place(&s->ticks, model, block);
+    hc_ticks_place(&s->ticks, model, HC_TICK_SHARE, block);
     s->mode = modes;
     s->mode0 = modes + m;
     hc_solver_tolerance(s, options->rtol, options->atol, options->nominal);

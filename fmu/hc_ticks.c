@@ -7,11 +7,16 @@ size_t hc_ticks_size(const hc_model_type *model)
     return 2 * (size_t)model->n_ticks + 2 * (size_t)model->n_held;
 }
 
-void hc_ticks_place(hc_ticks *ticks, const hc_model_type *model, double *numbers)
+void hc_ticks_place(hc_ticks *ticks, const hc_model_type *model, double share, double *numbers)
 {
     ticks->model = model;
     ticks->next = DBL_MAX;
     ticks->at = 0.0;
+    ticks->room = 0.0;
+    for (int k = 0; k < model->n_ticks; k++) {
+        const double room = share * model->tick_period[k] / model->fractions;
+        ticks->room = k == 0 || room < ticks->room ? room : ticks->room;
+    }
     ticks->ticked = 0;
     ticks->due = numbers;
     ticks->due_before = ticks->due + model->n_ticks;
@@ -39,7 +44,7 @@ static void find_next(hc_ticks *ticks)
 void hc_ticks_start(hc_ticks *ticks, double t)
 {
     const hc_model_type *m = ticks->model;
-    const double early = t - hc_room(t);
+    const double early = t - ticks->room - hc_room(t);
     for (int k = 0; k < m->n_ticks; k++)
         ticks->due[k] = ceil(early * m->fractions / m->tick_period[k]) * m->tick_period[k];
     ticks->ticked = 0;
@@ -48,12 +53,12 @@ void hc_ticks_start(hc_ticks *ticks, double t)
 
 int hc_ticks_due(const hc_ticks *ticks, double t)
 {
-    return ticks->next <= t + hc_room(t);
+    return ticks->next < t || hc_ticks_same(ticks, t, ticks->next);
 }
 
 int hc_ticks_before(const hc_ticks *ticks, double t)
 {
-    return ticks->next < t - hc_room(t);
+    return ticks->next < t && !hc_ticks_same(ticks, t, ticks->next);
 }
 
 void hc_ticks_take(hc_ticks *ticks, double t, double *x, const double *u, const double *p, const int *mode)

@@ -3,6 +3,7 @@
 import fmpy
 import numpy as np
 import pytest
+from fmpy.fmi2 import FMU2Slave
 
 from hovercontrol import Block, Signal, interconnect
 from hovercontrol.blocks.backends.compiler import NoCompilerError, find_compiler
@@ -42,3 +43,29 @@ def test_its_tolerance_makes_up_for_an_integration_that_begins_afresh_at_every_t
 def test_without_ticks_the_tolerance_is_as_given(tmp_path):
     path = BODY.to_fmu(tmp_path / "body.fmu", rtol=1e-7)
     assert float(fmpy.read_model_description(str(path)).defaultExperiment.tolerance) == pytest.approx(1e-7)
+
+
+def test_a_tick_is_at_the_time_that_an_importer_has_summed_up_with_rounding(tmp_path):
+    """i[n + 1] = i[n] + e[n] at every 20 ms; e jumps at ticks; the time is a sum of steps of 10 ms."""
+    i, e = Signal("i"), Signal("e")
+    law = Block("law", [i], [e], [i], [], {"i": i.symbol + e.symbol}, period=0.02)
+    path = str(law.to_fmu(tmp_path / "law.fmu", version=2))
+    described = fmpy.read_model_description(path)
+    reference = {v.name: v.valueReference for v in described.modelVariables}
+    fmu = FMU2Slave(
+        guid=described.guid, unzipDirectory=fmpy.extract(path), modelIdentifier="law", instanceName="law"
+    )  # fmt: skip
+    fmu.instantiate()
+    fmu.setupExperiment(startTime=0.0)
+    fmu.enterInitializationMode()
+    fmu.exitInitializationMode()
+    given = np.random.default_rng(3).normal(size=300)
+    t, found = 0.0, []
+    for step in range(600):
+        fmu.setReal([reference["e"]], [given[step // 2]])
+        fmu.doStep(t, 0.01)
+        t += 0.01
+        found += fmu.getReal([reference["i"]])
+    assert t != 6.0  # rounding
+    # the output of a tick is the state before it
+    np.testing.assert_allclose(found[0::2], np.concatenate([[0.0], np.cumsum(given)[:-1]]), atol=1e-12)

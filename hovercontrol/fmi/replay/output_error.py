@@ -250,7 +250,9 @@ def _whitened(slopes: Sequence[Array], residuals: Sequence[Array], white: Whiten
 
 def _taken(slopes: Sequence[Array], residuals: Sequence[Array], white: Whitening) -> list[Array]:
     """Return the root L of what the fit took of each log: ``L L' = s C s'``, s the slopes."""
-    J = np.concatenate([a.reshape(-1, a.shape[2]) for a in _whitened(slopes, residuals, white)])
+    J = np.concatenate(
+        [a.reshape(math.prod(a.shape[:2]), a.shape[2]) for a in _whitened(slopes, residuals, white)]
+    )
     scale = np.linalg.norm(J, axis=0)
     scale[scale == 0.0] = 1.0
     size, axes = np.linalg.eigh((J / scale).T @ (J / scale))

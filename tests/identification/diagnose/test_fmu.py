@@ -101,6 +101,24 @@ def test_an_effect_with_which_held_out_logs_are_predicted_worse_is_not_named(pla
     assert lead.reason == "the held-out logs are predicted worse with it"
 
 
+def test_of_an_fmu_without_states_nothing_is_estimated_on_a_held_out_log(tmp_path):
+    u, y, k = hc.Signal("u", "V"), hc.Signal("y", "m/s"), hc.Signal("k", "m/s/V", start=GAIN)
+    block = hc.Block("sensor", [], [u], [y], [k], {}, {"y": k.symbol * u.symbol})
+    sensor = hc.fmu_plant(block.to_fmu(tmp_path / "sensor.fmu", version=2), ["sensor.k"], isolated=False)
+    rng = np.random.default_rng(11)
+
+    def run(name):
+        v = given(9)
+        seen = GAIN * v + 0.05 + NOISE * rng.normal(size=ROWS)
+        return hc.Log(name, STEP * np.arange(ROWS), {"u": v, "y": seen})
+
+    found = hc.diagnose(sensor, [run("a")], [run("b")], names=["y_bias"])
+    sensor.close()
+    (biased,) = found.effects
+    assert biased.name == "after.y_bias"
+    assert abs(biased.numbers["value"] - 0.05) < 3.5 * biased.std["value"] < 0.005
+
+
 def test_too_little_gain_is_a_lead_with_its_reason(plant):
     found = hc.diagnose(plant, [log(7, added=0.0009)], names=["v_bias"])
     assert not found.effects
