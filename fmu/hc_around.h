@@ -86,7 +86,16 @@ hc_around *hc_around_new(const hc_log_type *log, const char *function, int kind,
 void hc_around_free(hc_around *c);
 /* Called first by every function: 0, with a message, if the call is not allowed in the current state. */
 int hc_around_enter(hc_around *c, const char *function, unsigned allowed);
+static inline int hc_around_enter_kind(hc_around *c, const char *function, unsigned allowed, int kind)
+{
+    (void)kind; /* the states say it */
+    return hc_around_enter(c, function, allowed);
+}
 int hc_around_fail(hc_around *c, const char *format, ...) HC_FORMAT(2, 3);
+static inline int hc_around_not_supported(hc_around *c, const char *what)
+{
+    return hc_around_fail(c, "not supported: %s", what);
+}
 /* The status of a call to the inner FMU; a failed one ends this instance. */
 int hc_around_passed(hc_around *c, int status);
 /* Start values, as the inner FMU was made or reset. */
@@ -133,10 +142,9 @@ int hc_around_partials(hc_around *c, int adjoint, const unsigned *unknown, size_
 
 int hc_around_set_time(hc_around *c, double time);
 int hc_around_set_states(hc_around *c, const double *x, size_t n);
-int hc_around_get_states(hc_around *c, double *x, size_t n);
-int hc_around_derivatives(hc_around *c, double *dx, size_t n);
-int hc_around_indicators(hc_around *c, double *z, size_t n);
-int hc_around_nominals(hc_around *c, double *x, size_t n);
+/* States, derivatives or event indicators: HC_STATES, HC_DERIVATIVES, HC_INDICATORS. */
+int hc_around_get_part(hc_around *c, int part, double *into, size_t n);
+int hc_around_get_nominals(hc_around *c, double *x, size_t n);
 int hc_around_completed_step(hc_around *c, int *event, int *terminate);
 int hc_around_update(hc_around *c, hc_inner_event *event);
 int hc_around_enter_event(hc_around *c);
@@ -155,11 +163,11 @@ int hc_around_step(hc_around *c, double time, double length);
 
 /* ---- hc_around_state.c: saved states ---- */
 
-int hc_around_save(hc_around *c, void **state);
-int hc_around_load(hc_around *c, void *state);
-int hc_around_forget(hc_around *c, void **state);
-int hc_around_bytes(hc_around *c, void *state, size_t *size);
-int hc_around_write(hc_around *c, void *state, unsigned char *bytes, size_t size);
-int hc_around_read(hc_around *c, const unsigned char *bytes, size_t size, void **state);
+int hc_around_state_get(hc_around *c, void **state);
+int hc_around_state_set(hc_around *c, void *state);
+int hc_around_state_free(hc_around *c, void **state);
+int hc_around_state_size(hc_around *c, void *state, size_t *size);
+int hc_around_state_write(hc_around *c, void *state, unsigned char *bytes, size_t size);
+int hc_around_state_read(hc_around *c, const unsigned char *bytes, size_t size, void **state);
 
 #endif

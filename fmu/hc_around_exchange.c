@@ -41,7 +41,7 @@ int hc_around_set_states(hc_around *c, const double *x, size_t n)
     return hc_around_passed(c, hc_inner_set_states(c->inner, x, inner));
 }
 
-int hc_around_get_states(hc_around *c, double *x, size_t n)
+static int get_states(hc_around *c, double *x, size_t n)
 {
     const size_t inner = (size_t)table->n_states;
     if (wrong_count(c, n, all_states(), "continuous states"))
@@ -50,7 +50,7 @@ int hc_around_get_states(hc_around *c, double *x, size_t n)
     return hc_around_passed(c, hc_inner_get_states(c->inner, x, inner));
 }
 
-int hc_around_derivatives(hc_around *c, double *dx, size_t n)
+static int derivatives(hc_around *c, double *dx, size_t n)
 {
     const size_t inner = (size_t)table->n_states, own = hc_around_continuous();
     const double *added = c->y + table->n_driven + table->n_measured;
@@ -74,7 +74,7 @@ int hc_around_derivatives(hc_around *c, double *dx, size_t n)
     return status;
 }
 
-int hc_around_indicators(hc_around *c, double *z, size_t n)
+static int indicators(hc_around *c, double *z, size_t n)
 {
     int status;
     if (wrong_count(c, n, (size_t)table->n_indicators, "event indicators"))
@@ -85,7 +85,14 @@ int hc_around_indicators(hc_around *c, double *z, size_t n)
     return hc_around_passed(c, status);
 }
 
-int hc_around_nominals(hc_around *c, double *x, size_t n)
+int hc_around_get_part(hc_around *c, int part, double *into, size_t n)
+{
+    return part == HC_STATES        ? get_states(c, into, n)
+           : part == HC_DERIVATIVES ? derivatives(c, into, n)
+                                    : indicators(c, into, n);
+}
+
+int hc_around_get_nominals(hc_around *c, double *x, size_t n)
 {
     const size_t inner = (size_t)table->n_states;
     if (wrong_count(c, n, all_states(), "continuous states"))

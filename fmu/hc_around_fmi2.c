@@ -10,8 +10,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define NOT_SUPPORTED(what) return (fmi2Status)hc_around_fail(c, "not supported: %s", what)
-
 static void emit(const hc_log_type *log, int status, const char *category, const char *message)
 {
     ((fmi2CallbackLogger)log->callback)(log->environment, log->instance, (fmi2Status)status, category, "%s", message);
@@ -117,42 +115,6 @@ GET_AND_SET(Integer)
 GET_AND_SET(Boolean)
 GET_AND_SET(String)
 
-fmi2Status FMI2(GetFMUstate)(HC_ARGUMENTS, fmi2FMUstate *state)
-{
-    ENTER(GetFMUstate, ANY);
-    return (fmi2Status)hc_around_save(c, state);
-}
-
-fmi2Status FMI2(SetFMUstate)(HC_ARGUMENTS, fmi2FMUstate state)
-{
-    ENTER(SetFMUstate, ANY);
-    return (fmi2Status)hc_around_load(c, state);
-}
-
-fmi2Status FMI2(FreeFMUstate)(HC_ARGUMENTS, fmi2FMUstate *state)
-{
-    ENTER(FreeFMUstate, ANY);
-    return (fmi2Status)hc_around_forget(c, state);
-}
-
-fmi2Status FMI2(SerializedFMUstateSize)(HC_ARGUMENTS, fmi2FMUstate state, size_t *size)
-{
-    ENTER(SerializedFMUstateSize, ANY);
-    return (fmi2Status)hc_around_bytes(c, state, size);
-}
-
-fmi2Status FMI2(SerializeFMUstate)(HC_ARGUMENTS, fmi2FMUstate state, fmi2Byte bytes[], size_t size)
-{
-    ENTER(SerializeFMUstate, ANY);
-    return (fmi2Status)hc_around_write(c, state, (unsigned char *)bytes, size);
-}
-
-fmi2Status FMI2(DeSerializeFMUstate)(HC_ARGUMENTS, const fmi2Byte bytes[], size_t size, fmi2FMUstate *state)
-{
-    ENTER(DeSerializeFMUstate, ANY);
-    return (fmi2Status)hc_around_read(c, (const unsigned char *)bytes, size, state);
-}
-
 fmi2Status FMI2(GetDirectionalDerivative)(HC_ARGUMENTS, const fmi2ValueReference unknowns[], size_t n_unknowns,
                                           const fmi2ValueReference knowns[], size_t n_knowns, const fmi2Real seed[],
                                           fmi2Real sensitivity[])
@@ -192,24 +154,6 @@ fmi2Status FMI2(CompletedIntegratorStep)(HC_ARGUMENTS, fmi2Boolean no_return, fm
     return (fmi2Status)hc_around_completed_step(c, enter_event_mode, terminate);
 }
 
-fmi2Status FMI2(SetTime)(HC_ARGUMENTS, fmi2Real time)
-{
-    ENTER(SetTime, HC_EVENT | HC_CONTINUOUS_TIME);
-    return (fmi2Status)hc_around_set_time(c, time);
-}
-
-fmi2Status FMI2(GetDerivatives)(HC_ARGUMENTS, fmi2Real derivatives[], size_t n)
-{
-    ENTER(GetDerivatives, HC_INITIALIZATION | HC_EVENT | HC_CONTINUOUS_TIME);
-    return (fmi2Status)hc_around_derivatives(c, derivatives, n);
-}
-
-fmi2Status FMI2(GetNominalsOfContinuousStates)(HC_ARGUMENTS, fmi2Real nominals[], size_t n)
-{
-    ENTER(GetNominalsOfContinuousStates, ANY);
-    return (fmi2Status)hc_around_nominals(c, nominals, n);
-}
-
 /* ---- Co-Simulation ---- */
 
 fmi2Status FMI2(SetRealInputDerivatives)(HC_REFERENCES, const fmi2Integer orders[], const fmi2Real values[])
@@ -219,7 +163,7 @@ fmi2Status FMI2(SetRealInputDerivatives)(HC_REFERENCES, const fmi2Integer orders
     (void)n;
     (void)orders;
     (void)values;
-    NOT_SUPPORTED("derivatives of inputs");
+    return (fmi2Status)hc_around_not_supported(c, "derivatives of inputs");
 }
 
 fmi2Status FMI2(GetRealOutputDerivatives)(HC_REFERENCES, const fmi2Integer orders[], fmi2Real values[])
@@ -229,7 +173,7 @@ fmi2Status FMI2(GetRealOutputDerivatives)(HC_REFERENCES, const fmi2Integer order
     (void)n;
     (void)orders;
     (void)values;
-    NOT_SUPPORTED("derivatives of outputs");
+    return (fmi2Status)hc_around_not_supported(c, "derivatives of outputs");
 }
 
 fmi2Status FMI2(DoStep)(HC_ARGUMENTS, fmi2Real time, fmi2Real length, fmi2Boolean no_return)

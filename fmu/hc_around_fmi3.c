@@ -155,24 +155,6 @@ fmi3Status FMI3(CompletedIntegratorStep)(HC_ARGUMENTS, fmi3Boolean no_return, fm
     return (fmi3Status)status;
 }
 
-fmi3Status FMI3(SetTime)(HC_ARGUMENTS, fmi3Float64 time)
-{
-    ENTER(SetTime, HC_CONTINUOUS_TIME);
-    return (fmi3Status)hc_around_set_time(c, time);
-}
-
-fmi3Status FMI3(GetContinuousStateDerivatives)(HC_ARGUMENTS, fmi3Float64 derivatives[], size_t n)
-{
-    ENTER(GetContinuousStateDerivatives, HC_INITIALIZATION | HC_EVENT | HC_CONTINUOUS_TIME);
-    return (fmi3Status)hc_around_derivatives(c, derivatives, n);
-}
-
-fmi3Status FMI3(GetNominalsOfContinuousStates)(HC_ARGUMENTS, fmi3Float64 nominals[], size_t n)
-{
-    ENTER(GetNominalsOfContinuousStates, COMPUTED);
-    return (fmi3Status)hc_around_nominals(c, nominals, n);
-}
-
 fmi3Status FMI3(GetNumberOfEventIndicators)(HC_ARGUMENTS, size_t *n)
 {
     ENTER(GetNumberOfEventIndicators, ANY);

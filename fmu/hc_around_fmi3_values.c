@@ -1,7 +1,9 @@
-/* FMI 3.0 of a corrected FMU: values and saved states, and the functions that it does not support. */
+/* FMI 3.0 of a corrected FMU: values, and the functions that it does not support. */
 #include "hc_inner_fmi3.h"
 
-#include "hc_around_calls.h"
+#include "hc_around.h"
+
+#include "hc_calls.h"
 
 /* ---- values ---- */
 
@@ -68,44 +70,6 @@ fmi3Status FMI3(SetBinary)(HC_REFERENCES, const size_t sizes[], const fmi3Binary
     return PASS(SetBinary, vr, n, sizes, values, n_values);
 }
 
-/* ---- saved state ---- */
-
-fmi3Status FMI3(GetFMUState)(HC_ARGUMENTS, fmi3FMUState *state)
-{
-    ENTER(GetFMUState, ANY);
-    return (fmi3Status)hc_around_save(c, state);
-}
-
-fmi3Status FMI3(SetFMUState)(HC_ARGUMENTS, fmi3FMUState state)
-{
-    ENTER(SetFMUState, ANY);
-    return (fmi3Status)hc_around_load(c, state);
-}
-
-fmi3Status FMI3(FreeFMUState)(HC_ARGUMENTS, fmi3FMUState *state)
-{
-    ENTER(FreeFMUState, ANY);
-    return (fmi3Status)hc_around_forget(c, state);
-}
-
-fmi3Status FMI3(SerializedFMUStateSize)(HC_ARGUMENTS, fmi3FMUState state, size_t *size)
-{
-    ENTER(SerializedFMUStateSize, ANY);
-    return (fmi3Status)hc_around_bytes(c, state, size);
-}
-
-fmi3Status FMI3(SerializeFMUState)(HC_ARGUMENTS, fmi3FMUState state, fmi3Byte bytes[], size_t size)
-{
-    ENTER(SerializeFMUState, ANY);
-    return (fmi3Status)hc_around_write(c, state, bytes, size);
-}
-
-fmi3Status FMI3(DeserializeFMUState)(HC_ARGUMENTS, const fmi3Byte bytes[], size_t size, fmi3FMUState *state)
-{
-    ENTER(DeserializeFMUState, ANY);
-    return (fmi3Status)hc_around_read(c, bytes, size, state);
-}
-
 /* ---- partial derivatives ---- */
 
 fmi3Status FMI3(GetDirectionalDerivative)(HC_PARTIAL_ARGUMENTS)
@@ -126,45 +90,10 @@ fmi3Status FMI3(GetAdjointDerivative)(HC_PARTIAL_ARGUMENTS)
 
 /* ---- not supported ---- */
 
-#if defined __GNUC__
-#pragma GCC diagnostic ignored "-Wunused-parameter"
-#endif
-#define REFUSE(function, arguments, what)                                                                             \
-    fmi3Status FMI3(function) arguments                                                                               \
-    {                                                                                                                 \
-        ENTER(function, ANY);                                                                                         \
-        return (fmi3Status)hc_around_fail(c, "not supported: %s", what);                                              \
-    }
-REFUSE(GetOutputDerivatives,
-       (HC_REFERENCES, const fmi3Int32 orders[], fmi3Float64 values[], size_t n_values), "derivatives of outputs")
-REFUSE(EnterConfigurationMode, (HC_ARGUMENTS), "structural parameters")
-REFUSE(ExitConfigurationMode, (HC_ARGUMENTS), "structural parameters")
-REFUSE(EnterStepMode, (HC_ARGUMENTS), "Event Mode in Co-Simulation")
-REFUSE(GetClock, (HC_REFERENCES, fmi3Clock values[]), "clocks")
-REFUSE(SetClock, (HC_REFERENCES, const fmi3Clock values[]), "clocks")
-REFUSE(GetIntervalDecimal, (HC_REFERENCES, fmi3Float64 intervals[], fmi3IntervalQualifier qualifiers[]), "clocks")
-REFUSE(GetIntervalFraction,
-       (HC_REFERENCES, fmi3UInt64 counters[], fmi3UInt64 resolutions[], fmi3IntervalQualifier qualifiers[]), "clocks")
-REFUSE(GetShiftDecimal, (HC_REFERENCES, fmi3Float64 shifts[]), "clocks")
-REFUSE(GetShiftFraction, (HC_REFERENCES, fmi3UInt64 counters[], fmi3UInt64 resolutions[]), "clocks")
-REFUSE(SetIntervalDecimal, (HC_REFERENCES, const fmi3Float64 intervals[]), "clocks")
-REFUSE(SetIntervalFraction, (HC_REFERENCES, const fmi3UInt64 counters[], const fmi3UInt64 resolutions[]), "clocks")
-REFUSE(SetShiftDecimal, (HC_REFERENCES, const fmi3Float64 shifts[]), "clocks")
-REFUSE(SetShiftFraction, (HC_REFERENCES, const fmi3UInt64 counters[], const fmi3UInt64 resolutions[]), "clocks")
-REFUSE(ActivateModelPartition, (HC_ARGUMENTS, fmi3ValueReference clock, fmi3Float64 time), "Scheduled Execution")
-REFUSE(GetNumberOfVariableDependencies, (HC_ARGUMENTS, fmi3ValueReference vr, size_t *n), "dependencies of elements")
-REFUSE(GetVariableDependencies,
-       (HC_ARGUMENTS, fmi3ValueReference dependent, size_t elements[], fmi3ValueReference independents[],
-        size_t independent_elements[], fmi3DependencyKind kinds[], size_t n),
-       "dependencies of elements")
+#include "hc_fmi3_unsupported.h"
 
-fmi3Instance FMI3(InstantiateScheduledExecution)(fmi3String name, fmi3String token, fmi3String resources,
-                                                 fmi3Boolean visible, fmi3Boolean logging,
-                                                 fmi3InstanceEnvironment environment, fmi3LogMessageCallback callback,
-                                                 fmi3ClockUpdateCallback update, fmi3LockPreemptionCallback lock,
-                                                 fmi3UnlockPreemptionCallback unlock)
-{
-    if (callback)
-        callback(environment, fmi3Error, "logStatusError", "fmi3InstantiateScheduledExecution: not supported");
-    return NULL;
-}
+REFUSE(GetOutputDerivatives, "derivatives of outputs", HC_REFERENCES, const fmi3Int32 orders[], fmi3Float64 values[],
+       size_t n_values)
+REFUSE(EnterConfigurationMode, "structural parameters", HC_ARGUMENTS)
+REFUSE(ExitConfigurationMode, "structural parameters", HC_ARGUMENTS)
+REFUSE(EnterStepMode, "Event Mode in Co-Simulation", HC_ARGUMENTS)

@@ -1,7 +1,9 @@
-/* The functions of a corrected FMU that FMI 2.0 and 3.0 define alike. hc_around_fmi2.c and hc_around_fmi3.c each
- * include this file once: a name such as FMI(Reset) is fmi2Reset or fmi3Reset there.
+/* How a corrected FMU passes on what FMI 2.0 and 3.0 define alike. hc_around_fmi2.c and hc_around_fmi3.c each include
+ * this file once, and the functions of the table.
  */
-#include "hc_around_calls.h"
+#include "hc_around.h"
+
+#include "hc_table.h"
 
 #include <stdlib.h>
 
@@ -17,64 +19,35 @@ static void release(hc_around *c)
     hc_around_free(c);
 }
 
+static int hc_around_set_logging(hc_around *c, hc_boolean on, size_t n, const char *const categories[])
+{
+    return (int)PASS(SetDebugLogging, on, n, categories);
+}
+
+static int hc_around_exit_initialization(hc_around *c)
+{
+    int status;
+    if (hc_around_before_exit(c) >= HC_DISCARD)
+        return HC_ERROR;
+    status = (int)PASS_PLAIN(ExitInitializationMode);
+    return status < HC_DISCARD ? hc_around_after_exit(c) : status;
+}
+
+static int hc_around_terminate(hc_around *c)
+{
+    c->state = HC_TERMINATED;
+    return (int)PASS_PLAIN(Terminate);
+}
+
+static int hc_around_reset(hc_around *c)
+{
+    const int status = (int)PASS_PLAIN(Reset);
+    return status < HC_DISCARD ? hc_around_start(c) : status;
+}
+
+HC_TABLE(HC_FUNCTION)
+
 void FMI(FreeInstance)(HC_ARGUMENTS)
 {
     release(instance);
-}
-
-hc_status FMI(SetDebugLogging)(HC_ARGUMENTS, hc_boolean on, size_t n, const char *const categories[])
-{
-    ENTER(SetDebugLogging, ANY);
-    return PASS(SetDebugLogging, on, n, categories);
-}
-
-hc_status FMI(ExitInitializationMode)(HC_ARGUMENTS)
-{
-    hc_status status;
-    ENTER(ExitInitializationMode, HC_INITIALIZATION);
-    if (hc_around_before_exit(c) >= HC_DISCARD)
-        return (hc_status)HC_ERROR;
-    status = PASS_PLAIN(ExitInitializationMode);
-    return (int)status < HC_DISCARD ? (hc_status)hc_around_after_exit(c) : status;
-}
-
-hc_status FMI(Terminate)(HC_ARGUMENTS)
-{
-    ENTER(Terminate, INITIALIZED);
-    c->state = HC_TERMINATED;
-    return PASS_PLAIN(Terminate);
-}
-
-hc_status FMI(Reset)(HC_ARGUMENTS)
-{
-    hc_status status;
-    ENTER(Reset, ANY);
-    status = PASS_PLAIN(Reset);
-    return (int)status < HC_DISCARD ? (hc_status)hc_around_start(c) : status;
-}
-
-/* ---- Model Exchange ---- */
-
-hc_status FMI(EnterContinuousTimeMode)(HC_ARGUMENTS)
-{
-    ENTER(EnterContinuousTimeMode, HC_EVENT);
-    return (hc_status)hc_around_enter_continuous(c);
-}
-
-hc_status FMI(SetContinuousStates)(HC_ARGUMENTS, const double states[], size_t n)
-{
-    ENTER(SetContinuousStates, HC_CONTINUOUS_TIME);
-    return (hc_status)hc_around_set_states(c, states, n);
-}
-
-hc_status FMI(GetContinuousStates)(HC_ARGUMENTS, double states[], size_t n)
-{
-    ENTER(GetContinuousStates, HC_INITIALIZATION | HC_EVENT | HC_CONTINUOUS_TIME);
-    return (hc_status)hc_around_get_states(c, states, n);
-}
-
-hc_status FMI(GetEventIndicators)(HC_ARGUMENTS, double indicators[], size_t n)
-{
-    ENTER(GetEventIndicators, HC_INITIALIZATION | HC_EVENT | HC_CONTINUOUS_TIME);
-    return (hc_status)hc_around_indicators(c, indicators, n);
 }

@@ -76,7 +76,7 @@ static int refuse(hc_around *c)
     return hc_around_fail(c, "the FMU state is of another kind of instance");
 }
 
-int hc_around_save(hc_around *c, void **state)
+int hc_around_state_get(hc_around *c, void **state)
 {
     state_type *made = state ? *state : NULL;
     double *end;
@@ -84,7 +84,7 @@ int hc_around_save(hc_around *c, void **state)
     if (!state)
         return hc_around_fail(c, "FMUState is NULL");
     if (made && made->count != count_of(c)) {
-        status = hc_around_forget(c, state);
+        status = hc_around_state_free(c, state);
         if (status >= HC_DISCARD)
             return status;
         made = NULL;
@@ -127,7 +127,7 @@ static int fits(hc_around *c, const state_type *saved)
     return saved->value[0] == (double)fixed_count(c) && saved->count > fixed_count(c) + 1;
 }
 
-int hc_around_load(hc_around *c, void *state)
+int hc_around_state_set(hc_around *c, void *state)
 {
     const state_type *saved = state;
     const double *end;
@@ -153,7 +153,7 @@ int hc_around_load(hc_around *c, void *state)
     return hc_around_passed(c, status);
 }
 
-int hc_around_forget(hc_around *c, void **state)
+int hc_around_state_free(hc_around *c, void **state)
 {
     state_type *saved = state ? *state : NULL;
     int status = HC_DONE;
@@ -190,7 +190,7 @@ static uint64_t read_number(const unsigned char *bytes)
     return number;
 }
 
-int hc_around_bytes(hc_around *c, void *state, size_t *size)
+int hc_around_state_size(hc_around *c, void *state, size_t *size)
 {
     const state_type *saved = state;
     size_t inner = 0;
@@ -202,7 +202,7 @@ int hc_around_bytes(hc_around *c, void *state, size_t *size)
     return hc_around_passed(c, status);
 }
 
-int hc_around_write(hc_around *c, void *state, unsigned char *bytes, size_t size)
+int hc_around_state_write(hc_around *c, void *state, unsigned char *bytes, size_t size)
 {
     const state_type *saved = state;
     size_t inner = 0;
@@ -228,7 +228,7 @@ int hc_around_write(hc_around *c, void *state, unsigned char *bytes, size_t size
     return status;
 }
 
-int hc_around_read(hc_around *c, const unsigned char *bytes, size_t size, void **state)
+int hc_around_state_read(hc_around *c, const unsigned char *bytes, size_t size, void **state)
 {
     uint64_t inner, count;
     state_type *made;
@@ -241,7 +241,7 @@ int hc_around_read(hc_around *c, const unsigned char *bytes, size_t size, void *
     count = read_number(bytes + 24);
     if (inner > size - HEAD || count != (size - HEAD - inner) / 8 || size != HEAD + inner + 8 * count)
         return hc_around_fail(c, "these %zu bytes are no state of this FMU", size);
-    status = hc_around_forget(c, state);
+    status = hc_around_state_free(c, state);
     made = malloc(sizeof *made + (size_t)count * sizeof(double));
     if (!made)
         return hc_around_fail(c, "no memory");

@@ -41,7 +41,7 @@ static void joint_derivatives(double t, const double *x, const double *u, const 
     (void)u;
     (void)mode;
     if (c->state == HC_FAILED || move_to(c, t, x) >= HC_DISCARD ||
-        hc_around_derivatives(c, dx, (size_t)c->joint.n_states) >= HC_DISCARD)
+        hc_around_get_part(c, HC_DERIVATIVES, dx, (size_t)c->joint.n_states) >= HC_DISCARD)
         not_finite(dx, c->joint.n_states);
 }
 
@@ -76,9 +76,9 @@ static int pass_event(hc_around *c)
     if (status < HC_DISCARD)
         status = hc_around_enter_continuous(c);
     if (status < HC_DISCARD)
-        status = hc_around_get_states(c, c->joint_x, n);
+        status = hc_around_get_part(c, HC_STATES, c->joint_x, n);
     if (status < HC_DISCARD)
-        status = hc_around_indicators(c, c->z_start, (size_t)table->n_indicators);
+        status = hc_around_get_part(c, HC_INDICATORS, c->z_start, (size_t)table->n_indicators);
     if (status >= HC_DISCARD)
         return hc_around_fail(c, "the FMU inside fails at the event at time %.17g", c->t);
     return hc_solver_set(c->solver, c->t, c->joint_x, NULL, NULL) == HC_OK
@@ -91,7 +91,7 @@ static int crossed(hc_around *c, double t)
 {
     hc_solver_inside(c->solver, t, c->joint_x);
     if (move_to(c, t, c->joint_x) >= HC_DISCARD ||
-        hc_around_indicators(c, c->z, (size_t)table->n_indicators) >= HC_DISCARD)
+        hc_around_get_part(c, HC_INDICATORS, c->z, (size_t)table->n_indicators) >= HC_DISCARD)
         return -1;
     for (int i = 0; i < table->n_indicators; i++)
         if ((c->z[i] > 0.0) != (c->z_start[i] > 0.0))

@@ -153,12 +153,12 @@ int hc_do_step(hc_instance *c, double time, double length, int *event, int *earl
                 return HC_DONE;
             }
         }
-        if (s->t >= end || (s->ticks.ticked && hc_ticks_same(&s->ticks, s->t, end)))
+        if (s->t >= end)
             break;
         if (steps > MAX_STEPS)
             return fail_step(c, HC_TOO_MANY_STEPS);
         const long events = s->counts[HC_EVENTS];
-        if (hc_ticks_due(&s->ticks, end) && !hc_ticks_before(&s->ticks, end))
+        if (hc_ticks_same(&s->ticks, s->ticks.next, end) || hc_ticks_same(&s->ticks, s->ticks.at, end))
             stop = end; /* ticks at the end must use inputs that are set there */
 #if HC_DELAYS
         status = hc_solver_step(s, stop_at_arrival(c, stop, end));

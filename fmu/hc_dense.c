@@ -45,7 +45,7 @@ void hc_interpolate(const hc_solver *s, double theta, double *restrict x)
 
 const int *hc_solver_inside(hc_solver *s, double t, double *x)
 {
-    if (t >= s->t || (s->ticks.ticked && hc_ticks_same(&s->ticks, t, s->t)) || s->length == 0.0) {
+    if (t >= s->t - (s->n_held > 0 ? hc_room(s->t) : 0.0) || s->length == 0.0) {
         memcpy(x, s->x, (size_t)(s->n + s->n_held) * sizeof *x);
         return s->mode;
     }
@@ -59,6 +59,6 @@ const int *hc_solver_inside(hc_solver *s, double t, double *x)
     if (!s->has_dense)
         hc_make_dense(s);
     hc_interpolate(s, (t - s->t0) / s->length, x);
-    hc_ticks_hold(s->model, x, s->x0);
+    hc_ticks_hold(s->model, x, s->ticks.ticked && hc_ticks_same(&s->ticks, s->ticks.at, t) ? s->x : s->x0);
     return s->mode0;
 }

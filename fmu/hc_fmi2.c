@@ -6,23 +6,9 @@
 
 #include <float.h>
 
-#include "hc_instance.h"
+#include "hc_table.h"
 
-#define ENTER(function, allowed)                                                                                      \
-    hc_instance *c = instance;                                                                                        \
-    if (!hc_enter(c, "fmi2" #function, allowed))                                                                      \
-    return fmi2Error
-#define ENTER_ME(function, allowed)                                                                                   \
-    hc_instance *c = instance;                                                                                        \
-    if (!hc_enter_kind(c, "fmi2" #function, allowed, HC_MODEL_EXCHANGE))                                              \
-    return fmi2Error
-#define ENTER_CS(function, allowed)                                                                                   \
-    hc_instance *c = instance;                                                                                        \
-    if (!hc_enter_kind(c, "fmi2" #function, allowed, HC_CO_SIMULATION))                                               \
-    return fmi2Error
-#define NOT_NULL(pointer)                                                                                             \
-    if (hc_no_null(c, pointer, #pointer, 1))                                                                          \
-    return fmi2Error
+HC_TABLE(HC_FUNCTION)
 
 /* ---- instances and modes ---- */
 
@@ -47,12 +33,6 @@ const char *FMI2(GetTypesPlatform)(void)
 const char *FMI2(GetVersion)(void)
 {
     return "2.0";
-}
-
-fmi2Status FMI2(SetDebugLogging)(HC_ARGUMENTS, fmi2Boolean on, size_t n, const fmi2String categories[])
-{
-    ENTER(SetDebugLogging, ANY);
-    return (fmi2Status)hc_set_logging(c, on, 1, n, categories);
 }
 
 fmi2Component FMI2(Instantiate)(fmi2String name, fmi2Type type, fmi2String guid, fmi2String resources,
@@ -89,25 +69,6 @@ fmi2Status FMI2(EnterInitializationMode)(HC_ARGUMENTS)
     return fmi2OK;
 }
 
-fmi2Status FMI2(ExitInitializationMode)(HC_ARGUMENTS)
-{
-    ENTER(ExitInitializationMode, HC_INITIALIZATION);
-    return (fmi2Status)hc_exit_initialization(c);
-}
-
-fmi2Status FMI2(Terminate)(HC_ARGUMENTS)
-{
-    ENTER(Terminate, INITIALIZED);
-    c->state = HC_TERMINATED;
-    return fmi2OK;
-}
-
-fmi2Status FMI2(Reset)(HC_ARGUMENTS)
-{
-    ENTER(Reset, ANY);
-    return (fmi2Status)hc_reset(c);
-}
-
 /* ---- values ---- */
 
 fmi2Status FMI2(GetReal)(HC_REFERENCES, fmi2Real values[])
@@ -141,44 +102,6 @@ NO_VARIABLE(GetBoolean, "Boolean", fmi2Boolean, COMPUTED)
 NO_VARIABLE(SetBoolean, "Boolean", const fmi2Boolean, DISCRETE)
 NO_VARIABLE(GetString, "String", fmi2String, COMPUTED)
 NO_VARIABLE(SetString, "String", const fmi2String, DISCRETE)
-
-/* ---- saved state ---- */
-
-fmi2Status FMI2(GetFMUstate)(HC_ARGUMENTS, fmi2FMUstate *state)
-{
-    ENTER(GetFMUstate, ANY);
-    return (fmi2Status)hc_state_get(c, state);
-}
-
-fmi2Status FMI2(SetFMUstate)(HC_ARGUMENTS, fmi2FMUstate state)
-{
-    ENTER(SetFMUstate, ANY);
-    return (fmi2Status)hc_state_set(c, state);
-}
-
-fmi2Status FMI2(FreeFMUstate)(HC_ARGUMENTS, fmi2FMUstate *state)
-{
-    ENTER(FreeFMUstate, ANY);
-    return (fmi2Status)hc_state_free(c, state);
-}
-
-fmi2Status FMI2(SerializedFMUstateSize)(HC_ARGUMENTS, fmi2FMUstate state, size_t *size)
-{
-    ENTER(SerializedFMUstateSize, ANY);
-    return (fmi2Status)hc_state_size(c, state, size);
-}
-
-fmi2Status FMI2(SerializeFMUstate)(HC_ARGUMENTS, fmi2FMUstate state, fmi2Byte bytes[], size_t size)
-{
-    ENTER(SerializeFMUstate, ANY);
-    return (fmi2Status)hc_state_write(c, state, (unsigned char *)bytes, size);
-}
-
-fmi2Status FMI2(DeSerializeFMUstate)(HC_ARGUMENTS, const fmi2Byte bytes[], size_t size, fmi2FMUstate *state)
-{
-    ENTER(DeSerializeFMUstate, ANY);
-    return (fmi2Status)hc_state_read(c, (const unsigned char *)bytes, size, state);
-}
 
 /* ---- partial derivatives ---- */
 
@@ -214,12 +137,6 @@ fmi2Status FMI2(NewDiscreteStates)(HC_ARGUMENTS, fmi2EventInfo *info)
     return (fmi2Status)status;
 }
 
-fmi2Status FMI2(EnterContinuousTimeMode)(HC_ARGUMENTS)
-{
-    ENTER_ME(EnterContinuousTimeMode, HC_EVENT);
-    return (fmi2Status)hc_leave_event_mode(c, HC_CONTINUOUS_TIME);
-}
-
 fmi2Status FMI2(CompletedIntegratorStep)(HC_ARGUMENTS, fmi2Boolean no_return, fmi2Boolean *enter_event_mode,
                                          fmi2Boolean *terminate)
 {
@@ -229,42 +146,6 @@ fmi2Status FMI2(CompletedIntegratorStep)(HC_ARGUMENTS, fmi2Boolean no_return, fm
     (void)no_return;
     *terminate = 0;
     return (fmi2Status)hc_completed_step(c, enter_event_mode);
-}
-
-fmi2Status FMI2(SetTime)(HC_ARGUMENTS, fmi2Real time)
-{
-    ENTER_ME(SetTime, HC_EVENT | HC_CONTINUOUS_TIME);
-    return (fmi2Status)hc_set_time(c, time);
-}
-
-fmi2Status FMI2(SetContinuousStates)(HC_ARGUMENTS, const fmi2Real states[], size_t n)
-{
-    ENTER(SetContinuousStates, HC_CONTINUOUS_TIME);
-    return (fmi2Status)hc_set_states(c, states, n);
-}
-
-fmi2Status FMI2(GetDerivatives)(HC_ARGUMENTS, fmi2Real derivatives[], size_t n)
-{
-    ENTER_ME(GetDerivatives, COMPUTED);
-    return (fmi2Status)hc_get_part(c, HC_DERIVATIVES, derivatives, n);
-}
-
-fmi2Status FMI2(GetEventIndicators)(HC_ARGUMENTS, fmi2Real indicators[], size_t n)
-{
-    ENTER_ME(GetEventIndicators, COMPUTED);
-    return (fmi2Status)hc_get_part(c, HC_INDICATORS, indicators, n);
-}
-
-fmi2Status FMI2(GetContinuousStates)(HC_ARGUMENTS, fmi2Real states[], size_t n)
-{
-    ENTER_ME(GetContinuousStates, COMPUTED);
-    return (fmi2Status)hc_get_part(c, HC_STATES, states, n);
-}
-
-fmi2Status FMI2(GetNominalsOfContinuousStates)(HC_ARGUMENTS, fmi2Real nominals[], size_t n)
-{
-    ENTER_ME(GetNominalsOfContinuousStates, ANY);
-    return (fmi2Status)hc_get_nominals(c, nominals, n);
 }
 
 /* ---- Co-Simulation ---- */

@@ -1,9 +1,13 @@
 /* FMI 3.0 in terms of hc_instance.h: which call is allowed in which state (FMI 3.0.2, sections 2.3, 3.2 and 4.2), and
  * the types of the standard. This file has instances, modes and time; hc_fmi3_values.c has values.
  */
-#include "hc_fmi3_calls.h"
+#include "hc_fmi3.h"
+
+#include "hc_table.h"
 
 #include <float.h>
+
+HC_TABLE(HC_FUNCTION)
 
 /* ---- instances and modes ---- */
 
@@ -32,12 +36,6 @@ static hc_log_type logger(fmi3Boolean logging, fmi3InstanceEnvironment environme
 const char *FMI3(GetVersion)(void)
 {
     return "3.0";
-}
-
-fmi3Status FMI3(SetDebugLogging)(HC_ARGUMENTS, fmi3Boolean on, size_t n, const fmi3String categories[])
-{
-    ENTER(SetDebugLogging, ANY);
-    return (fmi3Status)hc_set_logging(c, on, 0, n, categories);
 }
 
 fmi3Instance FMI3(InstantiateModelExchange)(fmi3String name, fmi3String token, fmi3String resources,
@@ -82,26 +80,6 @@ fmi3Instance FMI3(InstantiateCoSimulation)(fmi3String name, fmi3String token, fm
     return c;
 }
 
-fmi3Instance FMI3(InstantiateScheduledExecution)(fmi3String name, fmi3String token, fmi3String resources,
-                                                 fmi3Boolean visible, fmi3Boolean logging,
-                                                 fmi3InstanceEnvironment environment, fmi3LogMessageCallback callback,
-                                                 fmi3ClockUpdateCallback update, fmi3LockPreemptionCallback lock,
-                                                 fmi3UnlockPreemptionCallback unlock)
-{
-    (void)name;
-    (void)token;
-    (void)resources;
-    (void)visible;
-    (void)logging;
-    (void)update;
-    (void)lock;
-    (void)unlock;
-    if (callback)
-        callback(environment, fmi3Error, "logStatusError",
-                 "fmi3InstantiateScheduledExecution: not supported; the FMU has Model Exchange and Co-Simulation");
-    return NULL;
-}
-
 void FMI3(FreeInstance)(HC_ARGUMENTS)
 {
     hc_instance_free(instance);
@@ -117,29 +95,10 @@ fmi3Status FMI3(EnterInitializationMode)(HC_ARGUMENTS, fmi3Boolean has_tolerance
     return fmi3OK;
 }
 
-fmi3Status FMI3(ExitInitializationMode)(HC_ARGUMENTS)
-{
-    ENTER(ExitInitializationMode, HC_INITIALIZATION);
-    return (fmi3Status)hc_exit_initialization(c);
-}
-
 fmi3Status FMI3(EnterEventMode)(HC_ARGUMENTS)
 {
     ENTER(EnterEventMode, HC_CONTINUOUS_TIME | HC_STEP);
     return (fmi3Status)hc_enter_event_mode(c);
-}
-
-fmi3Status FMI3(Terminate)(HC_ARGUMENTS)
-{
-    ENTER(Terminate, INITIALIZED);
-    c->state = HC_TERMINATED;
-    return fmi3OK;
-}
-
-fmi3Status FMI3(Reset)(HC_ARGUMENTS)
-{
-    ENTER(Reset, ANY);
-    return (fmi3Status)hc_reset(c);
 }
 
 fmi3Status FMI3(EnterConfigurationMode)(HC_ARGUMENTS)
@@ -185,12 +144,6 @@ fmi3Status FMI3(UpdateDiscreteStates)(HC_ARGUMENTS, fmi3Boolean *need_update, fm
 
 /* ---- Model Exchange ---- */
 
-fmi3Status FMI3(EnterContinuousTimeMode)(HC_ARGUMENTS)
-{
-    ENTER_ME(EnterContinuousTimeMode, HC_EVENT);
-    return (fmi3Status)hc_leave_event_mode(c, HC_CONTINUOUS_TIME);
-}
-
 fmi3Status FMI3(CompletedIntegratorStep)(HC_ARGUMENTS, fmi3Boolean no_return, fmi3Boolean *enter_event_mode,
                                          fmi3Boolean *terminate)
 {
@@ -203,42 +156,6 @@ fmi3Status FMI3(CompletedIntegratorStep)(HC_ARGUMENTS, fmi3Boolean no_return, fm
     *enter_event_mode = event != 0;
     *terminate = false;
     return (fmi3Status)status;
-}
-
-fmi3Status FMI3(SetTime)(HC_ARGUMENTS, fmi3Float64 time)
-{
-    ENTER(SetTime, HC_CONTINUOUS_TIME);
-    return (fmi3Status)hc_set_time(c, time);
-}
-
-fmi3Status FMI3(SetContinuousStates)(HC_ARGUMENTS, const fmi3Float64 states[], size_t n)
-{
-    ENTER(SetContinuousStates, HC_CONTINUOUS_TIME);
-    return (fmi3Status)hc_set_states(c, states, n);
-}
-
-fmi3Status FMI3(GetContinuousStateDerivatives)(HC_ARGUMENTS, fmi3Float64 derivatives[], size_t n)
-{
-    ENTER_ME(GetContinuousStateDerivatives, COMPUTED);
-    return (fmi3Status)hc_get_part(c, HC_DERIVATIVES, derivatives, n);
-}
-
-fmi3Status FMI3(GetEventIndicators)(HC_ARGUMENTS, fmi3Float64 indicators[], size_t n)
-{
-    ENTER_ME(GetEventIndicators, COMPUTED);
-    return (fmi3Status)hc_get_part(c, HC_INDICATORS, indicators, n);
-}
-
-fmi3Status FMI3(GetContinuousStates)(HC_ARGUMENTS, fmi3Float64 states[], size_t n)
-{
-    ENTER_ME(GetContinuousStates, COMPUTED);
-    return (fmi3Status)hc_get_part(c, HC_STATES, states, n);
-}
-
-fmi3Status FMI3(GetNominalsOfContinuousStates)(HC_ARGUMENTS, fmi3Float64 nominals[], size_t n)
-{
-    ENTER_ME(GetNominalsOfContinuousStates, COMPUTED);
-    return (fmi3Status)hc_get_nominals(c, nominals, n);
 }
 
 fmi3Status FMI3(GetNumberOfEventIndicators)(HC_ARGUMENTS, size_t *n)
@@ -261,9 +178,7 @@ fmi3Status FMI3(GetNumberOfContinuousStates)(HC_ARGUMENTS, size_t *n)
 
 fmi3Status FMI3(EnterStepMode)(HC_ARGUMENTS)
 {
-    hc_instance *c = instance;
-    if (!hc_enter_kind(c, "fmi3EnterStepMode", HC_EVENT, HC_CO_SIMULATION))
-        return fmi3Error;
+    ENTER_CS(EnterStepMode, HC_EVENT);
     return (fmi3Status)hc_leave_event_mode(c, HC_STEP);
 }
 

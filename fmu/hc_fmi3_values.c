@@ -1,5 +1,7 @@
-/* FMI 3.0 in terms of hc_instance.h: values, saved state, partial derivatives. */
-#include "hc_fmi3_calls.h"
+/* FMI 3.0 in terms of hc_instance.h: values, partial derivatives; what is not supported. */
+#include "hc_fmi3.h"
+
+#include "hc_calls.h"
 
 #include <stdlib.h>
 
@@ -158,44 +160,6 @@ fmi3Status FMI3(SetBinary)(HC_REFERENCES, const size_t sizes[], const fmi3Binary
     return (fmi3Status)hc_no_variable(c, "Binary", vr, n);
 }
 
-/* ---- saved state ---- */
-
-fmi3Status FMI3(GetFMUState)(HC_ARGUMENTS, fmi3FMUState *state)
-{
-    ENTER(GetFMUState, ANY);
-    return (fmi3Status)hc_state_get(c, state);
-}
-
-fmi3Status FMI3(SetFMUState)(HC_ARGUMENTS, fmi3FMUState state)
-{
-    ENTER(SetFMUState, ANY);
-    return (fmi3Status)hc_state_set(c, state);
-}
-
-fmi3Status FMI3(FreeFMUState)(HC_ARGUMENTS, fmi3FMUState *state)
-{
-    ENTER(FreeFMUState, ANY);
-    return (fmi3Status)hc_state_free(c, state);
-}
-
-fmi3Status FMI3(SerializedFMUStateSize)(HC_ARGUMENTS, fmi3FMUState state, size_t *size)
-{
-    ENTER(SerializedFMUStateSize, ANY);
-    return (fmi3Status)hc_state_size(c, state, size);
-}
-
-fmi3Status FMI3(SerializeFMUState)(HC_ARGUMENTS, fmi3FMUState state, fmi3Byte bytes[], size_t size)
-{
-    ENTER(SerializeFMUState, ANY);
-    return (fmi3Status)hc_state_write(c, state, bytes, size);
-}
-
-fmi3Status FMI3(DeserializeFMUState)(HC_ARGUMENTS, const fmi3Byte bytes[], size_t size, fmi3FMUState *state)
-{
-    ENTER(DeserializeFMUState, ANY);
-    return (fmi3Status)hc_state_read(c, bytes, size, state);
-}
-
 /* ---- partial derivatives ---- */
 
 static fmi3Status partial_derivatives(hc_instance *c, int adjoint, const fmi3ValueReference unknowns[],
@@ -249,3 +213,5 @@ fmi3Status FMI3(GetOutputDerivatives)(HC_REFERENCES, const fmi3Int32 orders[], f
     free(expanded);
     return (fmi3Status)status;
 }
+
+#include "hc_fmi3_unsupported.h"

@@ -169,8 +169,11 @@ int hc_fail_ticks(hc_instance *c)
 int hc_tell_solver(hc_instance *c)
 {
     hc_solver *s = c->solver;
-    const int goes_on = c->model->n_ticks > 0 && s->started && hc_ticks_same(&s->ticks, s->t, c->value[0]);
-    const int status = hc_solver_set(s, goes_on ? s->t : c->value[0], goes_on ? NULL : c->x, c->in, c->p);
+    const int ticks = c->model->n_ticks > 0 && s->started, goes_on = ticks && s->t == c->value[0];
+    int status;
+    if (ticks && !goes_on && s->ticks.ticked && hc_ticks_same(&s->ticks, s->ticks.at, c->value[0]))
+        memcpy(c->x + hc_n_continuous(c), s->ticks.before, (size_t)c->model->n_held * sizeof *c->x);
+    status = hc_solver_set(s, c->value[0], goes_on ? NULL : c->x, c->in, c->p);
     c->changed = c->event = 0;
     if (c->model->n_ticks > 0) {
         c->valid = 0;

@@ -130,12 +130,17 @@ int hc_discard(hc_instance *c, const char *format, ...) HC_FORMAT(2, 3);
 int hc_not_supported(hc_instance *c, const char *what);
 /* Error if a pointer to values is NULL. */
 int hc_no_null(hc_instance *c, const void *pointer, const char *name, size_t n);
-/* `only`: only the given categories are logged from now on (FMI 2); otherwise the others are unchanged (FMI 3). */
-int hc_set_logging(hc_instance *c, int on, int only, size_t n, const char *const categories[]);
+/* In FMI 2 only the given categories are logged from now on; in FMI 3 the others are unchanged. */
+int hc_set_logging(hc_instance *c, int on, size_t n, const char *const categories[]);
 
 int hc_set_experiment(hc_instance *c, int has_tolerance, double tolerance, double start, int has_stop, double stop);
 int hc_exit_initialization(hc_instance *c);
 int hc_reset(hc_instance *c);
+static inline int hc_terminate(hc_instance *c)
+{
+    c->state = HC_TERMINATED;
+    return HC_DONE;
+}
 
 /* ---- values ---- */
 
@@ -170,6 +175,10 @@ int hc_enter_event_mode(hc_instance *c);
 /* `next` is DBL_MAX where there is no next event. */
 int hc_update_discrete_states(hc_instance *c, int *states_changed, double *next);
 int hc_leave_event_mode(hc_instance *c, unsigned state);
+static inline int hc_enter_continuous(hc_instance *c)
+{
+    return hc_leave_event_mode(c, HC_CONTINUOUS_TIME);
+}
 
 /* ---- Co-Simulation ---- */
 

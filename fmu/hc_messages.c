@@ -94,7 +94,7 @@ int hc_refuse_kind(hc_instance *c, int kind)
     return 0;
 }
 
-int hc_set_logging(hc_instance *c, int on, int only, size_t n, const char *const categories[])
+int hc_set_logging(hc_instance *c, int on, size_t n, const char *const categories[])
 {
     unsigned chosen = n == 0 ? ALL_CATEGORIES : 0;
     if (hc_no_null(c, categories, "categories", n))
@@ -113,6 +113,6 @@ int hc_set_logging(hc_instance *c, int on, int only, size_t n, const char *const
                            categories[i] ? categories[i] : "NULL");
         chosen |= found;
     }
-    c->log.categories = on ? chosen | (only ? 0 : c->log.categories) : c->log.categories & ~chosen;
+    c->log.categories = on ? chosen | (c->log.version == 2 ? 0 : c->log.categories) : c->log.categories & ~chosen;
     return HC_DONE;
 }

@@ -222,13 +222,11 @@
 
 /* hc_around_exchange.c */
 #define hc_around_completed_step HC_NAME(hc_around_completed_step)
-#define hc_around_derivatives HC_NAME(hc_around_derivatives)
 #define hc_around_enter_continuous HC_NAME(hc_around_enter_continuous)
 #define hc_around_enter_event HC_NAME(hc_around_enter_event)
-#define hc_around_get_states HC_NAME(hc_around_get_states)
-#define hc_around_indicators HC_NAME(hc_around_indicators)
 #define hc_around_next HC_NAME(hc_around_next)
-#define hc_around_nominals HC_NAME(hc_around_nominals)
+#define hc_around_get_part HC_NAME(hc_around_get_part)
+#define hc_around_get_nominals HC_NAME(hc_around_get_nominals)
 #define hc_around_set_states HC_NAME(hc_around_set_states)
 #define hc_around_set_time HC_NAME(hc_around_set_time)
 #define hc_around_tick HC_NAME(hc_around_tick)
@@ -240,12 +238,12 @@
 #define hc_around_step HC_NAME(hc_around_step)
 
 /* hc_around_state.c */
-#define hc_around_bytes HC_NAME(hc_around_bytes)
-#define hc_around_forget HC_NAME(hc_around_forget)
-#define hc_around_load HC_NAME(hc_around_load)
-#define hc_around_read HC_NAME(hc_around_read)
-#define hc_around_save HC_NAME(hc_around_save)
-#define hc_around_write HC_NAME(hc_around_write)
+#define hc_around_state_size HC_NAME(hc_around_state_size)
+#define hc_around_state_free HC_NAME(hc_around_state_free)
+#define hc_around_state_set HC_NAME(hc_around_state_set)
+#define hc_around_state_read HC_NAME(hc_around_state_read)
+#define hc_around_state_get HC_NAME(hc_around_state_get)
+#define hc_around_state_write HC_NAME(hc_around_state_write)
 #endif
 
 #endif

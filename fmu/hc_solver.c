@@ -123,7 +123,7 @@ static int after_ticks(hc_solver *s)
 
 static int pass_ticks(hc_solver *s)
 {
-    s->ticks.ticked = 0;
+    s->ticks.ticked = s->ticks.ticked && hc_ticks_same(&s->ticks, s->ticks.at, s->t);
     if (!hc_ticks_due(&s->ticks, s->t) || s->t >= s->quiet_from)
         return HC_OK;
     hc_ticks_take(&s->ticks, s->t, s->x, s->u, s->p, s->mode);

@@ -35,8 +35,11 @@ INSTANCE = (
 DELAYS = ("hc_delays.c",)
 #: The functions of each version of FMI.
 FMI = {
-    2: ("hc_fmi2.h", "hc_fmi2.c"),
-    3: ("hc_fmi3.h", "hc_fmi3_calls.h", *(f"hc_fmi3{job}.c" for job in ("", "_values", "_unsupported"))),
+    2: ("hc_fmi2.h", "hc_calls.h", "hc_table.h", "hc_fmi2.c"),
+    3: (
+        *("hc_fmi3.h", "hc_calls.h", "hc_table.h", "hc_fmi3_unsupported.h"),
+        *("hc_fmi3.c", "hc_fmi3_values.c"),
+    ),
 }
 #: An FMU around another one, and the functions of each version of FMI.
 AROUND = (
@@ -46,11 +49,13 @@ AROUND = (
 )  # fmt: skip
 AROUND_FMI = {
     2: (
-        *("hc_fmi2.h", "hc_inner_fmi2.h", "hc_inner_fmi2.c", "hc_around_calls.h", "hc_around_shared.h"),
+        *("hc_fmi2.h", "hc_inner_fmi2.h", "hc_inner_shared.h", "hc_inner_fmi2.c", "hc_around_shared.h"),
+        *("hc_calls.h", "hc_table.h"),
         "hc_around_fmi2.c",
     ),
     3: (
-        *("hc_fmi3.h", "hc_inner_fmi3.h", "hc_inner_fmi3.c", "hc_around_calls.h", "hc_around_shared.h"),
+        *("hc_fmi3.h", "hc_inner_fmi3.h", "hc_inner_shared.h", "hc_inner_fmi3.c", "hc_around_shared.h"),
+        *("hc_calls.h", "hc_table.h", "hc_fmi3_unsupported.h"),
         *("hc_around_fmi3.c", "hc_around_fmi3_values.c"),
     ),
 }
