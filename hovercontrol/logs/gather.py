@@ -22,7 +22,7 @@ from hovercontrol.logs.join import join_logs
 from hovercontrol.logs.log import Log
 from hovercontrol.logs.prepare import held_on
 from hovercontrol.logs.read import header_of, names_in, read_wanted
-from hovercontrol.logs.wanted import Wanted
+from hovercontrol.logs.required_columns import RequiredColumns
 
 #: Prefix of a command column that a bench table converts to the force of a fan: ``pwm_`` and the fan's name.
 PULSE = "pwm_"
@@ -142,7 +142,7 @@ def gather(
     ...     len(gather(str(file), ["thrust"], columns={"time": "stamp"}))
     50
     """
-    wanted = Wanted.of(model, inputs, motion)
+    wanted = RequiredColumns.of(model, inputs, motion)
     units = wanted.inputs
     sent = {f"{PULSE}{name}": "" for name in units} if bench else dict(units)
     extra = {only_while.column: ""} if only_while and only_while.column != "time" else {}
@@ -160,7 +160,7 @@ def gather(
         )
     else:
         pose, commands = paths
-        given = read_wanted(commands, own[1], Wanted(sent | extra), missing=missing, period=period)
+        given = read_wanted(commands, own[1], RequiredColumns(sent | extra), missing=missing, period=period)
         seen = replace(wanted, inputs={})
         measured = read_wanted(pose, own[0], seen, missing=missing, trial=trial, period=period)
         log = join_logs(*_each_once(measured, given, own, sent))

@@ -12,20 +12,20 @@ from hovercontrol.base.percent import percent
 from hovercontrol.base.text_table import aligned
 from hovercontrol.logs.log import POSE, VELOCITY
 from hovercontrol.logs.proposal import has_fix, proposal
+from hovercontrol.logs.required_columns import RequiredColumns
 from hovercontrol.logs.source import format_of, open_log
 from hovercontrol.logs.topic import Topic, topics_of
-from hovercontrol.logs.wanted import Wanted
 
 #: Maximum number of columns of a topic that are listed with their ranges.
 LISTED = 40
 
 
-def overview(file: Path, wanted: Wanted, options: str = "") -> str | None:
+def overview(file: Path, wanted: RequiredColumns, options: str = "") -> str | None:
     """Return a list of a file's topics and a proposal for ``--columns``, or None if none is needed.
 
     Parameters
     ----------
-    wanted : Wanted
+    wanted : RequiredColumns
         The columns of the model: none is needed where the file has its outputs, or its motion, by name.
     options : str, optional
         Further options of the proposed command.

@@ -9,8 +9,8 @@ import numpy as np
 
 from hovercontrol.base.errors import InputError
 from hovercontrol.logs.angles import unwrapped
-from hovercontrol.logs.held import without_repeats
 from hovercontrol.logs.log import Floats, Log
+from hovercontrol.logs.repeated_samples import without_repeats
 
 
 def prepared(
@@ -20,8 +20,8 @@ def prepared(
 
     NaN in a measured column is a missing sample. NaN in a command means that the last value is held; rows
     before the first command are left out. Rows that only repeat the previous measurement count as missing
-    samples (:func:`.held.without_repeats`). Angles that a sensor gives within one turn get their turns
-    (:func:`.angles.unwrapped`). Preparing a log twice changes nothing more.
+    samples (:func:`.repeated_samples.without_repeats`). Angles that a sensor gives within one turn get their
+    turns (:func:`.angles.unwrapped`). Preparing a log twice changes nothing more.
 
     Parameters
     ----------

@@ -28,10 +28,10 @@ from hovercontrol.logs.column_units import (
 from hovercontrol.logs.derived import Derived, with_derived
 from hovercontrol.logs.log import POSE, VELOCITY, Floats, Log
 from hovercontrol.logs.readers.tables import Table, Tables
+from hovercontrol.logs.required_columns import RequiredColumns
 from hovercontrol.logs.source import Source, open_log
 from hovercontrol.logs.topics import join_tables
 from hovercontrol.logs.trials import in_sequence, trial_rows, trials_text
-from hovercontrol.logs.wanted import Wanted
 
 LARGEST = 2**30
 """Bytes of numbers that one log may take in memory."""
@@ -112,14 +112,14 @@ def read_log(
     ...     read_log(file, columns={"time": "stamp:ms"}).time
     array([0. , 0.1])
     """
-    of = Wanted.of(model, inputs, motion)
+    of = RequiredColumns.of(model, inputs, motion)
     return read_wanted(path, columns, of, usecols, missing=missing, trial=trial, period=period)
 
 
 def read_wanted(
     path: str | Path,
     columns: Mapping[str, str] | None,
-    wanted: Wanted,
+    wanted: RequiredColumns,
     usecols: Sequence[str] | None = None,
     *,
     missing: Sequence[float] = (),
@@ -133,7 +133,7 @@ def read_wanted(
         return _read_source(file, opened, given, wanted, usecols, missing, trial, period)
 
     def read(table: Table, own: Mapping[str, str], inputs: Mapping[str, str], usecols: Sequence[str]) -> Log:
-        return _read_source(file, table, own, Wanted(inputs), usecols, missing, period=period)
+        return _read_source(file, table, own, RequiredColumns(inputs), usecols, missing, period=period)
 
     return join_tables(opened, given, wanted, read, clocked=period is None)
 
@@ -142,7 +142,7 @@ def _read_source(
     file: Path,
     opened: Source,
     columns: Mapping[str, str],
-    wanted: Wanted,
+    wanted: RequiredColumns,
     usecols: Sequence[str] | None,
     missing: Sequence[float] = (),
     trial: str = "",

@@ -13,14 +13,19 @@ from hovercontrol.logs.derived import parts_of
 from hovercontrol.logs.join import join_logs
 from hovercontrol.logs.log import POSE, VELOCITY, Log, gap_rows
 from hovercontrol.logs.readers.tables import Table, Tables
-from hovercontrol.logs.wanted import Wanted
+from hovercontrol.logs.required_columns import RequiredColumns
 
 #: Reads columns of one table into a log, like :func:`.read.read_log` for a file.
 ReadTable = Callable[..., Log]
 
 
 def join_tables(
-    file: Tables, columns: Mapping[str, str], wanted: Wanted, read: ReadTable, *, clocked: bool = True
+    file: Tables,
+    columns: Mapping[str, str],
+    wanted: RequiredColumns,
+    read: ReadTable,
+    *,
+    clocked: bool = True,
 ) -> Log:
     """Return the named columns of several tables as one log.
 
@@ -31,7 +36,7 @@ def join_tables(
     ----------
     columns : mapping
         Signal name to the file's column name.
-    wanted : Wanted
+    wanted : RequiredColumns
         Columns that the log must have; its inputs are commands.
     read : callable
         See :data:`ReadTable`.

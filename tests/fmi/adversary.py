@@ -313,7 +313,8 @@ class Adversary:
     def _do_step(self, mark):
         fmu = self.fmu
         h = (mark - self.t) * (self.rng.uniform(0.05, 1.0) if self.chance(0.6) else 1.0)
-        end = mark if h == mark - self.t else self.t + h
+        # a point within 1e-6 of the period from a tick is at the tick
+        end = mark if mark - self.t - h < 1e-6 * PERIOD else self.t + h
         h = end - self.t
         if self.chance(0.2):
 

@@ -7,7 +7,7 @@ import pytest
 
 import hovercontrol as hc
 from hovercontrol.logs.angles import TURN, unwrapped
-from hovercontrol.logs.held import repeats
+from hovercontrol.logs.repeated_samples import repeats
 
 STEP, N = 0.005, 3000
 

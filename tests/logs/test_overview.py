@@ -12,13 +12,13 @@ from hovercontrol.app.commands.options import pairs
 from hovercontrol.logs import Log, read_log
 from hovercontrol.logs.frames import in_z_up
 from hovercontrol.logs.overview import overview
-from hovercontrol.logs.wanted import Wanted
+from hovercontrol.logs.required_columns import RequiredColumns
 from tests.logs.readers import test_more_formats as more
 from tests.logs.readers import written, written_ros
 
 
 def followed(file: Path) -> tuple[Log, str]:
-    text = overview(file, Wanted(motion=True)) or ""
+    text = overview(file, RequiredColumns(motion=True)) or ""
     words = shlex.split(text.splitlines()[-1])
     log = read_log(file, pairs(words[words.index("--columns") + 1]))
     frame = words[words.index("--frame") + 1] if "--frame" in words else ""

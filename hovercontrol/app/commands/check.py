@@ -122,9 +122,9 @@ def topics_of(
     """Return the topics of files that hold several, and proposals of ``--columns``; empty for others."""
     from hovercontrol.logs.gather import split_files
     from hovercontrol.logs.overview import overview
-    from hovercontrol.logs.wanted import Wanted
+    from hovercontrol.logs.required_columns import RequiredColumns
 
-    wanted = Wanted.of(options.readable_model(known), motion=known is None)
+    wanted = RequiredColumns.of(options.readable_model(known), motion=known is None)
     of_model = f" --model {model}" if model else f" --vehicle {vehicle}" if vehicle else ""
     paths = dict.fromkeys(path for name in logs for path in split_files(name))
     return "\n".join(text for path in paths if path.exists() and (text := overview(path, wanted, of_model)))

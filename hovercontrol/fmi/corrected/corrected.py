@@ -10,7 +10,7 @@ from hovercontrol.base.errors import InputError, did_you_mean
 from hovercontrol.base.files import check_folder, write_atomically
 from hovercontrol.blocks.block import Block
 from hovercontrol.fmi.corrected.description import description
-from hovercontrol.fmi.corrected.given import Given
+from hovercontrol.fmi.corrected.inner_fmu import InnerFmu
 from hovercontrol.fmi.corrected.joined import Joined, joined
 from hovercontrol.fmi.corrected.sources import block_sources, table_source, token_of
 from hovercontrol.fmi.exporter.binaries import Platform, build_binary, chosen_platforms, folder_of
@@ -105,7 +105,7 @@ def corrected_fmu(
     if target.is_dir():
         raise InputError(f"{out}: expected a file to write, found a folder")
     check_folder(target.parent)
-    inner = Given(Path(given), kind)
+    inner = InnerFmu(Path(given), kind)
     around = joined(inner, before, after, added or {})
     around, own = _started(inner, around, start or {})
     wanted = _platforms(inner, platforms)
@@ -122,7 +122,7 @@ def corrected_fmu(
     return write_atomically(target, lambda temporary: temporary.write_bytes(content))
 
 
-def _started(given: Given, around: Joined, start: Mapping[str, float]) -> tuple[Joined, dict[str, float]]:
+def _started(inner: InnerFmu, around: Joined, start: Mapping[str, float]) -> tuple[Joined, dict[str, float]]:
     """Return what stands around with new values, and the new start values of the FMU's own variables."""
     keys = {
         around.block.parameter_key(p.name).removeprefix("around."): p.name for p in around.block.parameters
@@ -130,34 +130,34 @@ def _started(given: Given, around: Joined, start: Mapping[str, float]) -> tuple[
     ours = {keys[n]: float(v) for n, v in start.items() if n in keys}
     own = {n: float(v) for n, v in start.items() if n not in keys}
     for name in own:
-        if name not in given.by_name:
-            known = [*keys, *given.by_name]
-            raise InputError(f"start: {given.path} has no variable {name!r}{did_you_mean(name, known)}")
-    given.starts(own, "start")
+        if name not in inner.by_name:
+            known = [*keys, *inner.by_name]
+            raise InputError(f"start: {inner.path} has no variable {name!r}{did_you_mean(name, known)}")
+    inner.starts(own, "start")
     block = around.block.with_values(ours) if ours else around.block
     return Joined(block, around.driven, around.sources, around.n_early, around.measured, around.added), own
 
 
-def _platforms(given: Given, platforms: str | Iterable[str] | None) -> tuple[Platform, ...]:
-    has = given.platforms()
+def _platforms(inner: InnerFmu, platforms: str | Iterable[str] | None) -> tuple[Platform, ...]:
+    has = inner.platforms()
     wanted = chosen_platforms(platforms)
     if platforms == "all":
         wanted = tuple(p for p in wanted if p.name in has)
     for p in wanted:
         if p.name not in has:
             known = f"those it has: {', '.join(has)}" if has else "it has no binary that is known"
-            raise InputError(f"{given.path} has no library for the platform {p.name}; {known}")
+            raise InputError(f"{inner.path} has no library for the platform {p.name}; {known}")
     if not wanted:
-        raise InputError(f"{given.path} has no library for a known platform")
+        raise InputError(f"{inner.path} has no library for a known platform")
     return wanted
 
 
-def _copied(given: Given, wanted: tuple[Platform, ...]) -> dict[str, bytes]:
+def _copied(inner: InnerFmu, wanted: tuple[Platform, ...]) -> dict[str, bytes]:
     """Return the given FMU's files as they lie in the corrected one."""
-    files = {"resources/inner/modelDescription.xml": given.description}
+    files = {"resources/inner/modelDescription.xml": inner.description}
     for p in wanted:
-        files |= {f"resources/inner/{n}": data for n, data in given.binaries(p).items()}
-    for name, data in given.files.items():
+        files |= {f"resources/inner/{n}": data for n, data in inner.binaries(p).items()}
+    for name, data in inner.files.items():
         if name.startswith("resources/"):
             files[f"resources/inner/{name}"] = data
         elif name.startswith(("documentation/", "terminalsAndIcons/")) or "/" not in name:

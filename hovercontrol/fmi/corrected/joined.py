@@ -17,7 +17,7 @@ from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.expressions import Expressions
 from hovercontrol.blocks.interconnect import interconnect, rename
 from hovercontrol.blocks.signals import Signal
-from hovercontrol.fmi.corrected.given import Given, Variable
+from hovercontrol.fmi.corrected.inner_fmu import InnerFmu, Variable
 
 #: Endings of the names of a Block's outputs: an input as the FMU gets it, an output as it is measured.
 GIVEN, MEASURED = "_given", "_measured"
@@ -57,7 +57,7 @@ class Joined:
         return {names.index(n): e for n, e in self.block.delays.items() if n.startswith("source_")}
 
 
-def joined(given: Given, before: Block | None, after: Block | None, added: Mapping[str, Block]) -> Joined:
+def joined(inner: InnerFmu, before: Block | None, after: Block | None, added: Mapping[str, Block]) -> Joined:
     """Return the Blocks around an FMU as one.
 
     Parameters
@@ -76,9 +76,9 @@ def joined(given: Given, before: Block | None, after: Block | None, added: Mappi
     """
     parts: list[Block] = []
     sources: dict[str, tuple[str, Variable]] = {}
-    driven = _driven(given, before) if before else {}
+    driven = _driven(inner, before) if before else {}
     if before:
-        sources = _sources(given, before, driven)
+        sources = _sources(inner, before, driven)
         names = {n: f"given_{k}" for k, n in enumerate(driven)} | {n: sources[n][0] for n in sources}
         parts.append(_part(before, names, _numbered("driven", driven.values())))
     n_early = len(sources)
@@ -87,13 +87,13 @@ def joined(given: Given, before: Block | None, after: Block | None, added: Mappi
     def source_names(block: Block, what: str) -> dict[str, str]:
         for s in block.inputs:
             if s.name not in passed:
-                passed[s.name] = (f"source_{len(passed)}", given.variable(s.name, what))
+                passed[s.name] = (f"source_{len(passed)}", inner.variable(s.name, what))
         return {s.name: passed[s.name][0] for s in block.inputs}
 
-    measured = _measured(given, after) if after else {}
+    measured = _measured(inner, after) if after else {}
     if after:
         parts.append(_part(after, source_names(after, "after"), _numbered("measured", measured.values())))
-    places = _places(given, added)
+    places = _places(inner, added)
     if added:
         sums = [
             _part(b, source_names(b, "added"), {b.outputs[0].name: f"added_{k}"})
@@ -103,15 +103,15 @@ def joined(given: Given, before: Block | None, after: Block | None, added: Mappi
     counts = {"driven": len(driven), "measured": len(measured), "added": len(places)}
     order = [f"{kind}_{k}" for kind, count in counts.items() for k in range(count)]
     if not order:
-        raise InputError(f"{given.path}: no Block around it changes an input, an output or a derivative")
+        raise InputError(f"{inner.path}: no Block around it changes an input, an output or a derivative")
     block = interconnect(parts, "around", outputs=order).in_continuous_time
     inputs = [f"given_{k}" for k in range(len(driven))] + [name for name, _ in passed.values()]
     return Joined(
         _with_inputs(block, inputs),
-        tuple(given.by_name[n] for n in driven),
+        tuple(inner.by_name[n] for n in driven),
         tuple(v for _, v in passed.values()),
         n_early,
-        tuple(given.by_name[n] for n in measured),
+        tuple(inner.by_name[n] for n in measured),
         tuple(places),
     )
 
@@ -121,7 +121,7 @@ def _numbered(kind: str, names: Iterable[str]) -> dict[str, str]:
     return {name: f"{kind}_{k}" for k, name in enumerate(names)}
 
 
-def _sources(given: Given, before: Block, driven: Mapping[str, str]) -> dict[str, tuple[str, Variable]]:
+def _sources(inner: InnerFmu, before: Block, driven: Mapping[str, str]) -> dict[str, tuple[str, Variable]]:
     """Return the inputs of the Block before the FMU that drive nothing, with the FMU's variable."""
     found: dict[str, tuple[str, Variable]] = {}
     for s in before.inputs:
@@ -129,7 +129,7 @@ def _sources(given: Given, before: Block, driven: Mapping[str, str]) -> dict[str
             continue
         if s.name in before.delays:
             raise InputError(f"block {before.name!r}: {s.name} arrives late but has no output {s.name}_given")
-        found[s.name] = (f"source_{len(found)}", given.variable(s.name, "before", "input"))
+        found[s.name] = (f"source_{len(found)}", inner.variable(s.name, "before", "input"))
     return found
 
 
@@ -145,24 +145,24 @@ def _stem(name: str, ending: str) -> str:
     return f"{first.removesuffix(ending)}{bracket}{rest}"
 
 
-def _changed(given: Given, block: Block, ending: str, causality: str) -> dict[str, str]:
+def _changed(inner: InnerFmu, block: Block, ending: str, causality: str) -> dict[str, str]:
     """Return for each variable that a Block changes the name of the Block's output."""
     found = {}
     for s in block.outputs:
         name = _stem(s.name, ending)
-        given.variable(name, f"block {block.name!r}, output {s.name!r}", causality)
+        inner.variable(name, f"block {block.name!r}, output {s.name!r}", causality)
         same = block.expand(block.output_expressions[s.name]) == sp.Symbol(name, real=True)
         if not same or name in block.delays or block.period:
             found[name] = s.name
     return found
 
 
-def _driven(given: Given, before: Block) -> dict[str, str]:
-    found = _changed(given, before, GIVEN, "input")
+def _driven(inner: InnerFmu, before: Block) -> dict[str, str]:
+    found = _changed(inner, before, GIVEN, "input")
     for name in found:
-        if given.exchange is not None and given.by_name[name].element.get("variability") == "discrete":
+        if inner.exchange is not None and inner.by_name[name].element.get("variability") == "discrete":
             raise InputError(
-                f"{given.path}: the input {name!r} is discrete; what drives it changes continuously"
+                f"{inner.path}: the input {name!r} is discrete; what drives it changes continuously"
             )
         if name not in [s.name for s in before.inputs]:
             raise InputError(
@@ -172,21 +172,21 @@ def _driven(given: Given, before: Block) -> dict[str, str]:
     return found
 
 
-def _measured(given: Given, after: Block) -> dict[str, str]:
-    return _changed(given, after, MEASURED, "output")
+def _measured(inner: InnerFmu, after: Block) -> dict[str, str]:
+    return _changed(inner, after, MEASURED, "output")
 
 
-def _places(given: Given, added: Mapping[str, Block]) -> list[int]:
-    pairs = given.derivatives()
+def _places(inner: InnerFmu, added: Mapping[str, Block]) -> list[int]:
+    pairs = inner.derivatives()
     names = [d.name for _, d in pairs]
     states = [s.name for s, _ in pairs]
     found = []
     for name, block in added.items():
         if name not in names and name not in states:
             raise InputError(
-                f"added: {given.path} has no derivative {name!r}" + did_you_mean(name, [*names, *states])
+                f"added: {inner.path} has no derivative {name!r}" + did_you_mean(name, [*names, *states])
                 if names
-                else f"added: {given.path} has no continuous states of Model Exchange"
+                else f"added: {inner.path} has no continuous states of Model Exchange"
             )
         if len(block.outputs) != 1:
             raise InputError(f"added: block {block.name!r} has {len(block.outputs)} outputs; expected one")

@@ -13,19 +13,19 @@ from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.delays import undelayed
 from hovercontrol.blocks.expressions import Expressions
 from hovercontrol.fmi.corrected.description import Description
-from hovercontrol.fmi.corrected.given import Given
+from hovercontrol.fmi.corrected.inner_fmu import InnerFmu
 from hovercontrol.fmi.corrected.joined import Joined
 from hovercontrol.fmi.corrected.partials import differentiable, known_sources
 from hovercontrol.fmi.exporter.sources import _array, _number, _options
 
 
-def block_sources(given: Given, joined: Joined, identifier: str) -> dict[str, str]:
+def block_sources(inner: InnerFmu, joined: Joined, identifier: str) -> dict[str, str]:
     """Return the sources of the Block and the runtime by file name."""
     late = bool(joined.late_given)
-    files = runtime_files([*AROUND, *AROUND_FMI[given.version], *(DELAYS if late else ())])
+    files = runtime_files([*AROUND, *AROUND_FMI[inner.version], *(DELAYS if late else ())])
     files["hc_options.h"] = _options(identifier, late)
     files["model.c"] = c_source(
-        undelayed(joined.block), friction="smooth", partials=differentiable(given, joined)
+        undelayed(joined.block), friction="smooth", partials=differentiable(inner, joined)
     )
     if late:
         given_late = Expressions(joined.late_given.items())
@@ -33,11 +33,11 @@ def block_sources(given: Given, joined: Joined, identifier: str) -> dict[str, st
     return files
 
 
-def token_of(given: Given, joined: Joined, start: Mapping[str, float], files: Mapping[str, str]) -> str:
+def token_of(inner: InnerFmu, joined: Joined, start: Mapping[str, float], files: Mapping[str, str]) -> str:
     """Return the corrected FMU's token, a hash of its content."""
-    digest = hashlib.sha256(given.description + joined.block.content_hash.encode())
+    digest = hashlib.sha256(inner.description + joined.block.content_hash.encode())
     digest.update(repr(sorted(start.items())).encode())
-    for name, data in sorted(given.files.items()):
+    for name, data in sorted(inner.files.items()):
         digest.update(f"\0{name}\0".encode() + hashlib.sha256(data).digest())
     for name, text in sorted(files.items()):
         digest.update(f"\0{name}\0{text}".encode())
@@ -46,40 +46,40 @@ def token_of(given: Given, joined: Joined, start: Mapping[str, float], files: Ma
 
 
 def table_source(
-    given: Given, joined: Joined, described: Description, token: str, start: Mapping[str, float]
+    inner: InnerFmu, joined: Joined, described: Description, token: str, start: Mapping[str, float]
 ) -> str:
     """Return ``around.c``: what hc_around.h calls hc_surroundings."""
-    inner = [n for n in start if given.by_name[n] not in joined.driven]
-    arrays = [v for v in given.variables if v.is_real and v.size != 1]
+    started = [n for n in start if inner.by_name[n] not in joined.driven]
+    arrays = [v for v in inner.variables if v.is_real and v.size != 1]
     late = list(joined.late_sources)
     lists = {
         **_of_block(joined, late),
         "driven": ("unsigned", [str(v.reference) for v in joined.driven]),
         "source": ("unsigned", [str(v.reference) for v in joined.sources]),
         "measured": ("unsigned", [str(r) for r in described.measured]),
-        "added": ("unsigned", [str(given.derivatives()[k][1].reference) for k in joined.added]),
-        "set": ("unsigned", [str(given.by_name[n].reference) for n in inner]),
-        "set_value": ("double", [_number(start[n]) for n in inner]),
+        "added": ("unsigned", [str(inner.derivatives()[k][1].reference) for k in joined.added]),
+        "set": ("unsigned", [str(inner.by_name[n].reference) for n in started]),
+        "set_value": ("double", [_number(start[n]) for n in started]),
         "array": ("unsigned", [str(v.reference) for v in arrays]),
         "array_size": ("unsigned", [str(v.size) for v in arrays]),
-        "source_known": ("char", [str(int(k)) for k in known_sources(given, joined)]),
+        "source_known": ("char", [str(int(k)) for k in known_sources(inner, joined)]),
     }
     made = {name: _array(kind, name, values) for name, (kind, values) in lists.items()}
     at = {name: where for name, (_, where) in made.items()}
     counts = [len(group) for group in (joined.driven, joined.sources, joined.measured, joined.added)]
     n_driven, n_sources, n_measured, n_added = counts
-    partials = int(differentiable(given, joined))
-    steps = given.part.get("canHandleVariableCommunicationStepSize") in ("true", "1")
+    partials = int(differentiable(inner, joined))
+    steps = inner.part.get("canHandleVariableCommunicationStepSize") in ("true", "1")
     entries = [
         f'"{described.identifier}", "{token}"',
-        f'"{given.identifier}", "{_escaped(given.token)}"',
+        f'"{inner.identifier}", "{_escaped(inner.token)}"',
         f"{n_driven}, {joined.n_early}, {n_sources}, {n_measured}, {n_added}",
         ", ".join(at[n] for n in ("driven", "source", "measured", "added_state", "added")),
-        f"{described.first}, {len(given.derivatives())}, {given.indicators}",
+        f"{described.first}, {len(inner.derivatives())}, {inner.indicators}",
         ", ".join(at[n] for n in ("start", "lower", "upper", "nominal", "fixed", "names")),
-        f"{len(inner)}, {at['set']}, {at['set_value']}",
+        f"{len(started)}, {at['set']}, {at['set_value']}",
         f"{len(arrays)}, {at['array']}, {at['array_size']}",
-        f"{int(given.exchange is not None)}, {int(steps)}, {partials}, {at['source_known']}",
+        f"{int(inner.exchange is not None)}, {int(steps)}, {partials}, {at['source_known']}",
         f"{len(late)}, {at['late_source']}, {'late_seconds' if late else 'NULL'}, {at['late_start']}",
         "1e-6, 1e-9",
     ]

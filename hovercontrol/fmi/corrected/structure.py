@@ -8,7 +8,7 @@ from xml.etree.ElementTree import Element, SubElement
 
 import sympy as sp
 
-from hovercontrol.fmi.corrected.given import Given
+from hovercontrol.fmi.corrected.inner_fmu import InnerFmu
 from hovercontrol.fmi.corrected.joined import Joined
 
 #: References of the knowns of an unknown; None: it may depend on all.
@@ -24,21 +24,21 @@ TAGS = {
 class KnownsOf:
     """What unknowns depend on at the same instant."""
 
-    def __init__(self, given: Given, joined: Joined, first: int) -> None:
-        self._given, self._joined, block = given, joined, joined.block
+    def __init__(self, inner: InnerFmu, joined: Joined, first: int) -> None:
+        self._given, self._joined, block = inner, joined, joined.block
         self._driven = {v.reference: k for k, v in enumerate(joined.driven)}
         self._declared = self._read()
         moving = {s.symbol: frozenset([first + k]) for k, s in enumerate(block.states[: block.n_continuous])}
         held = {s.symbol: frozenset[int]() for s in block.states[block.n_continuous :]}
         n = len(block.states) + block.n_continuous
         tunable = {
-            p.symbol: frozenset([first + n + k] if given.version == 3 else [])
+            p.symbol: frozenset([first + n + k] if inner.version == 3 else [])
             for k, p in enumerate(block.parameters)
         }
         self._symbols: dict[sp.Basic, Knowns] = {**moving, **held, **tunable}
-        free = [v.reference for v in given.variables if v.element.get("causality") == "independent"]
+        free = [v.reference for v in inner.variables if v.element.get("causality") == "independent"]
         self._time = frozenset(free[:1])
-        states = {s.reference for s, _ in given.derivatives()}
+        states = {s.reference for s, _ in inner.derivatives()}
         for k, v in enumerate(joined.driven):
             self._symbols[sp.Symbol(f"given_{k}", real=True)] = frozenset([v.reference])
         for k, v in enumerate(joined.sources):
@@ -49,14 +49,14 @@ class KnownsOf:
             self._symbols[sp.Symbol(f"source_{k}", real=True)] = self.inner(of)
 
     def _read(self) -> dict[int, Knowns]:
-        given, found = self._given, {}
+        inner, found = self._given, {}
         tags = (
             ("Outputs/Unknown", "Derivatives/Unknown")
-            if given.version == 2
+            if inner.version == 2
             else ("Output", "ContinuousStateDerivative")
         )
         for tag in tags:
-            for u in given.root.findall(f"ModelStructure/{tag}"):
+            for u in inner.root.findall(f"ModelStructure/{tag}"):
                 found[self.reference(u)] = self.listed(u)
         return found
 
@@ -105,16 +105,16 @@ def _union(parts: Iterable[Knowns]) -> Knowns:
 
 
 def write_structure(
-    given: Given, joined: Joined, knowns: KnownsOf, first: int, renamed: Mapping[int, int]
+    inner: InnerFmu, joined: Joined, knowns: KnownsOf, first: int, renamed: Mapping[int, int]
 ) -> None:
     """Write the dependencies of all unknowns; add those of the Block."""
-    structure = given.root.find("ModelStructure")
+    structure = inner.root.find("ModelStructure")
     assert structure is not None
-    block, two = joined.block, given.version == 2
-    listed = {v.reference: k for k, v in reversed(list(enumerate(given.variables, 1)))}
+    block, two = joined.block, inner.version == 2
+    listed = {v.reference: k for k, v in reversed(list(enumerate(inner.variables, 1)))}
     n, moving = len(block.states), block.n_continuous
     for k in range(n + moving + len(block.parameters) + len(renamed)):
-        listed[first + k] = len(given.variables) + k + 1
+        listed[first + k] = len(inner.variables) + k + 1
 
     def write(u: Element, reference: int, of: Knowns) -> None:
         u.set("index" if two else "valueReference", str(listed[reference] if two else reference))
@@ -124,7 +124,7 @@ def write_structure(
             numbers = sorted({listed[r] for r in of} if two else of)
             u.set("dependencies", " ".join(map(str, numbers)))
 
-    tags = TAGS[given.version]
+    tags = TAGS[inner.version]
     measured = {v.reference: k for k, v in enumerate(joined.measured)}
     for u in structure.findall(tags[0]):
         r = knowns.reference(u)
@@ -141,7 +141,7 @@ def write_structure(
         write(u, knowns.reference(u), knowns.inner(knowns.listed(u)))
     parts = {tag: copy.copy(structure.findall(tag)) for tag in tags}
     slopes: dict[int, Knowns] = {}
-    if given.exchange is not None:
+    if inner.exchange is not None:
         own = [block.derivatives[s.name] for s in block.states[:moving]]
         slopes = {first + n + k: knowns.expression(e) for k, e in enumerate(own)}
     for r, of in slopes.items():

@@ -1,4 +1,4 @@
-"""The FMU that is given: its files, and its model description as a tree that can be changed."""
+"""The FMU inside a corrected FMU: its files, and its model description as a tree that can be changed."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Variable:
         return self.typed.tag in ("Real", "Float64")
 
 
-class Given:
+class InnerFmu:
     """An FMU's description and files.
 
     Parameters

@@ -20,7 +20,7 @@ ALIKE = 0.8
 
 
 @dataclass(frozen=True)
-class Wanted:
+class RequiredColumns:
     """The columns that a log must have besides ``time``.
 
     Attributes
@@ -43,7 +43,7 @@ class Wanted:
         model: PlantModel | Block | None,
         inputs: Sequence[str] | Mapping[str, str] = (),
         motion: bool = False,
-    ) -> Wanted:
+    ) -> RequiredColumns:
         """Return the requirements of a model: its inputs, and a craft's motion or any output of a Block.
 
         Parameters

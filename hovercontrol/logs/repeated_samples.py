@@ -16,10 +16,10 @@ from hovercontrol.logs.log import POSE, VELOCITY, Floats, Log, Mask
 
 
 @dataclass(frozen=True)
-class HeldCriteria:
+class RepeatCriteria:
     """Thresholds for repeated rows that are not measurements.
 
-    No published source: set by hand, tested in tests/logs/test_held.py.
+    No published source: set by hand, tested in tests/logs/test_repeated_samples.py.
 
     Attributes
     ----------
@@ -47,7 +47,7 @@ class HeldCriteria:
 
 
 #: The values in use.
-HELD = HeldCriteria()
+REPEATS = RepeatCriteria()
 
 
 def without_repeats(log: Log, names: Sequence[str]) -> tuple[Log, list[str]]:
@@ -116,18 +116,18 @@ def repeats(log: Log, names: Sequence[str]) -> Mask:
     rows = np.flatnonzero(np.isfinite(log.stack(*names)).all(axis=1))
     values = log.stack(*names)[rows]
     sizes = np.abs(np.diff(values, axis=0))  # of the changes into rows 1, 2, ...
-    sizes[sizes <= HELD.rounding * sizes.max(axis=0, initial=0.0)] = 0.0
+    sizes[sizes <= REPEATS.rounding * sizes.max(axis=0, initial=0.0)] = 0.0
     finest = np.array([row[row > 0.0].min(initial=np.inf) for row in sizes.T])
-    large: Mask = np.any(sizes >= HELD.jump * finest, axis=1)
+    large: Mask = np.any(sizes >= REPEATS.jump * finest, axis=1)
     equal: Mask = np.all(sizes == 0.0, axis=1)
     near: Mask = np.all(sizes <= 1.5 * finest, axis=1)
     held = _amid(equal, large)
-    if not held.size or len(np.unique(values[held[:, 0]], axis=0)) < HELD.fewest:
+    if not held.size or len(np.unique(values[held[:, 0]], axis=0)) < REPEATS.fewest:
         return again
     alone = near & ~equal
-    if len(held) <= HELD.by_chance * len(_amid(alone, large)):
+    if len(held) <= REPEATS.by_chance * len(_amid(alone, large)):
         return again
-    period = int(HELD.longer * np.quantile(held[:, 1] - held[:, 0], 0.95)) + 1
+    period = int(REPEATS.longer * np.quantile(held[:, 1] - held[:, 0], 0.95)) + 1
     first, stop = _runs(equal).T
     length = stop - first
     place = np.arange(length.sum()) - np.repeat(np.cumsum(length) - length, length)  # 0 at the first repeat

@@ -9,7 +9,7 @@ from hovercontrol.craft.models.vehicles import c17_experiment
 from hovercontrol.identification.check import check
 from hovercontrol.identification.identify import identify
 from hovercontrol.logs import Log
-from hovercontrol.logs.held import repeats, without_repeats
+from hovercontrol.logs.repeated_samples import repeats, without_repeats
 
 POSE, COMMANDS = ("x", "y", "psi"), ("thrust", "rudder")
 
