@@ -65,8 +65,9 @@ TOOLS: dict[str, Tool] = {
     "modelica": Tool(("modelica",), ()),
 }
 ONE_AHEAD = "at time t it gives the outputs at t + step: it steps from t before it records them"
+STATELESS = "in Model Exchange it takes no FMU without continuous states"
 NO_EVENTS = "it passes no events: modes of friction stay as they were, sampled laws do not tick"
-#: Why a cell is as it is, where the cause lies in the tool or in its interface: by column, version or kind.
+#: Why a cell is as it is, where the cause lies in the tool or in its interface: by column of a kind, column, version or kind.
 CAUSES: dict[tuple[str, str], str] = {
     ("casadi", "plant, events"): NO_EVENTS,
     ("casadi", "hybrid"): NO_EVENTS,
@@ -74,6 +75,9 @@ CAUSES: dict[tuple[str, str], str] = {
     ("casadi", "monitor"): NO_EVENTS,
     ("cofmupy", "*"): ONE_AHEAD,
     ("pathsim-fmi", "CoSimulation"): ONE_AHEAD,
+    ("pathsim-fmi", "ModelExchange: restart"): "its reset loses time events of the second run",
+    ("pathsim-fmi", "ModelExchange: sampled"): STATELESS,
+    ("pathsim-fmi", "ModelExchange: monitor"): STATELESS,
     ("casadi", "corrected"): "it needs dependencies in FMI 3, which a corrected FMU leaves to their default",
     ("libcosimpy", "FMI 3"): "it reads FMI 1 and 2",
     ("libcosimpy", "SSP 2.0"): "it reads FMI 1 and 2",
@@ -283,7 +287,7 @@ def matrix(pythons: dict[str, Path], folder: Path, notes: Notes) -> Iterator[lis
                     if isinstance(found, float) and found <= CLOSE:
                         cells.append(f"{found:.0e}")
                         continue
-                    why = cause(tool, export.name, export.version, kind)
+                    why = cause(tool, f"{kind}: {export.name}", export.name, export.version, kind)
                     why += f": `{found}`" if isinstance(found, str) else ""
                     cells.append(f"**{found:.0e}** " if isinstance(found, float) else "**no** ")
                     cells[-1] += notes.mark(why)
