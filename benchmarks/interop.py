@@ -67,7 +67,7 @@ TOOLS: dict[str, Tool] = {
 ONE_AHEAD = "at time t it gives the outputs at t + step: it steps from t before it records them"
 STATELESS = "in Model Exchange it takes no FMU without continuous states"
 NO_EVENTS = "it passes no events: modes of friction stay as they were, sampled laws do not tick"
-#: Why a cell is as it is, where the cause lies in the tool or in its interface: by column of a kind, column, version or kind.
+#: Why a cell is as it is, where the cause lies in the tool: by column of a kind, column, version or kind.
 CAUSES: dict[tuple[str, str], str] = {
     ("casadi", "plant, events"): NO_EVENTS,
     ("casadi", "hybrid"): NO_EVENTS,
