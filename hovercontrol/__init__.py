@@ -61,6 +61,7 @@ __all__ = [
     "identify",
     "diagnose",
     "fleet",
+    "experiment",
     "fmu_plant",
     "FmuPlant",
     # controllers, references, estimators

@@ -69,6 +69,7 @@ from .fmi.replay.opened import fmu_plant as fmu_plant
 from .fmi.replay.plant import FmuPlant as FmuPlant
 from .identification.check.check import check as check
 from .identification.diagnose.diagnose import diagnose as diagnose
+from .identification.diagnose.experiment.campaign import experiment as experiment
 from .identification.fleet import fleet as fleet
 from .identification.identify.fit import identify as identify
 from .identification.monitor.monitor import monitor as monitor

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -62,6 +62,11 @@ class Manoeuvre:
 
     __repr__ = short_repr
 
+    def until(self, part: float) -> Manoeuvre:
+        """Return the first part of the manoeuvre, as a fraction of its rows."""
+        n = max(int(part * self.time.size), 2)
+        return replace(self, time=self.time[:n], commands={k: row[:n] for k, row in self.commands.items()})
+
 
 def reach(signal: Signal, driven: Array) -> tuple[float, float]:
     """Return the smallest and the largest command that a proposal may use.
@@ -92,7 +97,9 @@ def reach(signal: Signal, driven: Array) -> tuple[float, float]:
     return low, high
 
 
-def family(limits: Limits, step: float, seed: int = 0, tempo: float = 1.0) -> list[Manoeuvre]:
+def family(
+    limits: Limits, step: float, seed: int = 0, tempo: float = 1.0, drawn: int = MANOEUVRES.drawn
+) -> list[Manoeuvre]:
     """Return the manoeuvres that a machine with these commands can drive.
 
     Parameters
@@ -105,6 +112,8 @@ def family(limits: Limits, step: float, seed: int = 0, tempo: float = 1.0) -> li
         Seed of the random manoeuvres.
     tempo : float, optional
         By which lengths of time are multiplied.
+    drawn : int, optional
+        Number of random manoeuvres.
 
     Examples
     --------
@@ -133,8 +142,8 @@ def family(limits: Limits, step: float, seed: int = 0, tempo: float = 1.0) -> li
             makers.append(("reverse", "ahead and astern by turns, the rudder amidships", _reverse))
     makers.append(("ramp", "slow ramps of all commands from one limit to the other", _ramp))
     rng = np.random.default_rng(seed)
-    for k in range(1, MANOEUVRES.drawn + 1):
-        text = f"steps of all commands at random times ({k} of {MANOEUVRES.drawn} drawn with seed {seed})"
+    for k in range(1, drawn + 1):
+        text = f"steps of all commands at random times ({k} of {drawn} drawn with seed {seed})"
         makers.append((f"random {k}", text, lambda t, x: _drawn(t, x, rng)))
     return [Manoeuvre(name, text, t, make(t / tempo, limits)) for name, text, make in makers]
 

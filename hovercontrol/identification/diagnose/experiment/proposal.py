@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -30,6 +31,8 @@ class Experiment:
     benefit : float
         Expected difference of twice the log likelihood between the rivals; or the factor by which the
         standard error of a poorly known coefficient is reduced.
+    sure : float
+        Probability that the logs then tell the right rival; NaN where there are no rivals.
     """
 
     name: str
@@ -37,6 +40,7 @@ class Experiment:
     time: Array
     commands: Mapping[str, Array]
     benefit: float
+    sure: float = math.nan
 
     __repr__ = short_repr
 

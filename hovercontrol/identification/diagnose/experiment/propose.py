@@ -6,21 +6,26 @@ within the bounds; a direction that was never driven is not used.
 Every manoeuvre of a family is simulated with one rival as the truth. The other rival is fitted to this
 simulation and to the information of the logs so far. The misfit that remains is the expected evidence of the
 added log; the smaller one of both directions counts. This is the discrimination design of Atkinson and
-Fedorov, Biometrika 62, 1975, over a family instead of a continuum.
+Fedorov, Biometrika 62, 1975, over a family instead of a continuum. With what the logs say so far it gives the
+probability that the right one will be ahead; short manoeuvres are tried first, longer ones if none is sure.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
+from scipy.stats import norm
 
 from hovercontrol.base.arrays import Array
+from hovercontrol.base.percent import percent
 from hovercontrol.craft.effects.law import is_law
+from hovercontrol.identification.diagnose.criteria import CRITERIA
 from hovercontrol.identification.diagnose.evidence.traces import runs_of, simulate_runs
-from hovercontrol.identification.diagnose.experiment.manoeuvres import Manoeuvre, family, reach
+from hovercontrol.identification.diagnose.experiment.manoeuvres import MANOEUVRES, Manoeuvre, family, reach
 from hovercontrol.identification.diagnose.experiment.proposal import Experiment
 from hovercontrol.identification.diagnose.search.confirm import Selection
 from hovercontrol.identification.diagnose.unknown.forms import rivals_of
@@ -42,13 +47,14 @@ if TYPE_CHECKING:
 class ProposalCriteria:
     """Settings that decide when a next experiment is proposed.
 
-    No published source: set by hand, exercised by tests/identification/diagnose/test_experiment.py. The
-    required gain is twice the `least` of :class:`.Criteria`.
+    No published source: set by hand, exercised by tests/identification/diagnose/test_experiment.py.
 
     Attributes
     ----------
-    settles : float
-        Required difference of twice the log likelihood between rivals.
+    sure : float
+        Probability that the logs then tell the right one of the rivals at which no longer one is tried.
+    worth : float
+        The same probability below which no manoeuvre is proposed.
     badly : float
         Relative standard error above which a coefficient is to be estimated better.
     sharper : float
@@ -57,7 +63,8 @@ class ProposalCriteria:
         Shortest time between two commands [s].
     """
 
-    settles: float = 40.0
+    sure: float = 0.95
+    worth: float = 0.5
     badly: float = 0.1
     sharper: float = 1.5
     tick: float = 0.02
@@ -66,9 +73,37 @@ class ProposalCriteria:
 #: The values in use.
 PROPOSAL = ProposalCriteria()
 
+#: Fractions of the manoeuvres that are tried in turn until one is sure enough, and most rivals considered.
+LENGTHS, RIVALS = (1 / 16, 1 / 4, 1.0), 3
+
+#: Ranges of channels, by name.
+Box: TypeAlias = Mapping[str, tuple[float, float]]
+
+
+@dataclass(frozen=True)
+class Search:
+    """Which manoeuvres are considered.
+
+    Attributes
+    ----------
+    seed : int
+        Of the manoeuvres drawn at random.
+    drawn : int
+        Number of these.
+    within : mapping of str to (float, float)
+        Range that a measured channel must not leave: the floor, a largest speed.
+    """
+
+    seed: int = 0
+    drawn: int = MANOEUVRES.drawn
+    within: Box = field(default_factory=dict)
+
 
 def next_experiment(
-    selection: Selection, effects: Sequence[Found], functions: Sequence[FittedFunction] = (), seed: int = 0
+    selection: Selection,
+    effects: Sequence[Found],
+    functions: Sequence[FittedFunction] = (),
+    search: Search | None = None,
 ) -> tuple[Experiment | None, str]:
     """Return the next experiment and a sentence on it; None and an empty text if none is needed.
 
@@ -78,21 +113,21 @@ def next_experiment(
         Parameters of the named effects.
     functions : sequence of FittedFunction, optional
         Unknown functions, with their forms.
-    seed : int, optional
-        Of the manoeuvres drawn at random.
+    search : Search, optional
+        The manoeuvres.
     """
-    final = selection.final
+    final, search = selection.final, search or Search()
     # twins shift every log alike; laws that are the same in these logs may differ in others
     apart = sorted((r for r in selection.rivals if not r.same or is_law(r.name)), key=lambda r: r.same)
     if apart:
-        rival = apart[0]
-        found = separate(final, rival.fit, (rival.instead_of, rival.name), seed=seed)
-        return (None, found) if isinstance(found, str) else (found, found.text)
+        name = apart[0].instead_of
+        others = [Other(r.fit, r.name, r.behind) for r in apart if r.instead_of == name]
+        return _proposed(separate(final, name, others, search=search))
     for f in functions:
-        for other in rivals_of(f)[:1]:
-            best = f.forms[0]
-            found = separate(best.fit, other.fit, (f"{f.name} = {best.text}", other.text), seed=seed)
-            return (None, found) if isinstance(found, str) else (found, found.text)
+        best, rivals = f.forms[0], rivals_of(f)
+        others = [Other(r.fit, r.text, 2.0 * math.log(best.odds(r))) for r in rivals]
+        if others:
+            return _proposed(separate(best.fit, f"{f.name} = {best.text}", others, search=search))
     if selection.rivals:
         return None, same_time((selection.rivals[0].instead_of, selection.rivals[0].name))
     numbers = [
@@ -103,44 +138,146 @@ def next_experiment(
     if not numbers:
         return None, ""
     worst = max(numbers, key=lambda n: abs(n.std) / max(abs(n.value), 1e-12))
-    sharper = sharpen(final, worst.parameter, seed=seed)
+    sharper = sharpen(final, worst.parameter, search=search)
     return sharper, sharper.text if sharper else ""
 
 
-def separate(one: Fit, other: Fit, names: tuple[str, str], *, seed: int = 0) -> Experiment | str:
-    """Return the manoeuvre that best distinguishes two models, or why none does.
+def _proposed(found: Experiment | str) -> tuple[Experiment | None, str]:
+    return (None, found) if isinstance(found, str) else (found, found.text)
+
+
+@dataclass(frozen=True, eq=False)
+class Other:
+    """A model that the logs so far do not tell from the likeliest one.
+
+    Attributes
+    ----------
+    fit : Fit
+    name : str
+    behind : float
+        By how much the likeliest one is ahead of it, in twice the log likelihood.
+    """
+
+    fit: Fit
+    name: str
+    behind: float = 0.0
+
+
+def separate(
+    one: Fit, name: str, others: Sequence[Other], *, search: Search | None = None
+) -> Experiment | str:
+    """Return the shortest manoeuvre that surely tells a model from others, or why there is none.
 
     Parameters
     ----------
-    one, other : Fit
-        Fits of the two models to the logs so far.
-    names : (str, str)
-        Names of the effects in `one` and in `other`.
-    seed : int, optional
-        Of the manoeuvres drawn at random.
+    one : Fit
+        Fit of the likeliest model to the logs so far.
+    name : str
+        Its name.
+    others : sequence of Other
+        Of which the likeliest few are considered.
+    search : Search, optional
+        The manoeuvres.
     """
-    best: tuple[float, Manoeuvre, Data] | None = None
-    for manoeuvre in _family(one, seed):
-        benefit, runs = np.inf, None
-        for truth, rival in ((one, other), (other, one)):
-            seen = predicted(truth, manoeuvre)
-            runs = runs or seen
-            if not np.isfinite(seen.logs[0].values).all():
-                benefit = 0.0
-                break
-            benefit = min(benefit, _left(rival, seen))
-        if runs is not None and (best is None or benefit > best[0]):
-            best = benefit, manoeuvre, runs
-    first, second = names
-    if best is None or best[0] < PROPOSAL.settles:
-        found = f" ({best[0]:.2g} of the {PROPOSAL.settles:g} needed, by {best[1].name})" if best else ""
-        return f"no manoeuvre within the limits of the commands distinguishes {first} from {second}{found}"
-    benefit, manoeuvre, seen = best
+    search = search or Search()
+    others = sorted(others, key=lambda o: o.behind)[:RIVALS]
+    weights = np.exp([-0.5 * max(o.behind, 0.0) for o in others])
+
+    def benefit(manoeuvre: Manoeuvre) -> Benefit | None:
+        mine = predicted(one, manoeuvre)
+        if mine is None or not _stays(mine, search.within):
+            return None
+        gains = []
+        for o in others:
+            theirs, gain = predicted(o.fit, manoeuvre), _left(o.fit, mine)
+            if theirs is not None and not _stays(theirs, search.within):
+                return None
+            gains.append(gain if theirs is None else min(gain, _left(one, theirs)))
+        sure = [assurance(gain, o.behind) for gain, o in zip(gains, others, strict=True)]
+        return Benefit(float(np.average(sure, weights=weights)), gains[0], manoeuvre, mine)
+
+    best = _best(one, benefit, search, LENGTHS)
+    second = others[0].name
+    if best is None or best.value < PROPOSAL.worth:
+        found = f" ({percent(best.value)} sure, by {best.manoeuvre.name})" if best else ""
+        return f"no manoeuvre within the limits distinguishes {name} from {second}{found}"
     text = (
-        f"Drive {manoeuvre.text}{_room(seen)}: {first} and {second} then differ by about {benefit:.3g} "
-        f"in twice the log likelihood ({PROPOSAL.settles:g} settle it)."
+        f"Drive {best.manoeuvre.text}, {_length(best.manoeuvre)}{_room(best.seen)}: {name} and {second} then "
+        f"differ by about {best.gain:.3g} in twice the log likelihood, and with {percent(best.value)} "
+        "probability the logs tell the right one."
     )
-    return Experiment(manoeuvre.name, text, manoeuvre.time, manoeuvre.commands, benefit)
+    return Experiment(
+        best.manoeuvre.name, text, best.manoeuvre.time, best.manoeuvre.commands, best.gain, best.value
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Benefit:
+    """The benefit of a manoeuvre.
+
+    Attributes
+    ----------
+    value : float
+        What is maximised.
+    gain : float
+        Expected difference of twice the log likelihood from the likeliest rival.
+    manoeuvre : Manoeuvre
+    seen : Data
+        Its predicted log.
+    """
+
+    value: float
+    gain: float
+    manoeuvre: Manoeuvre
+    seen: Data
+
+
+def assurance(gain: float, behind: float) -> float:
+    """Return the probability that the right one of two models will be ahead by `CRITERIA.apart`.
+
+    Parameters
+    ----------
+    gain : float
+        Expected difference of twice the log likelihood in a new log.
+    behind : float
+        By how much one is ahead so far; it may be the wrong one.
+
+    Examples
+    --------
+    >>> round(assurance(40.0, 0.0), 3), round(assurance(12.0, 0.0), 3)
+    (0.987, 0.5)
+    """
+    # twice a log likelihood ratio of mean D has the variance 4 D
+    return float(norm.cdf((gain - abs(behind) - CRITERIA.apart) / (2.0 * math.sqrt(max(gain, 1e-12)))))
+
+
+def _best(
+    fit: Fit,
+    benefit: Callable[[Manoeuvre], Benefit | None],
+    search: Search,
+    lengths: Sequence[float] = (1.0,),
+) -> Benefit | None:
+    """Return the manoeuvre of most benefit, the shortest one that is sure enough."""
+    best: Benefit | None = None
+    for part in lengths:
+        for manoeuvre in _family(fit, search):
+            found = benefit(manoeuvre.until(part))
+            if found and (best is None or (found.value, found.gain) > (best.value, best.gain)):
+                best = found
+        if best is not None and best.value >= PROPOSAL.sure:
+            break
+    return best
+
+
+def _stays(seen: Data, within: Box) -> bool:
+    """Return whether the channels of a predicted log stay in their ranges."""
+    log = seen.logs[0]
+    rows = dict(zip(log.channels, log.values, strict=True))
+    return all(
+        low <= rows[name].min() and rows[name].max() <= high
+        for name, (low, high) in within.items()
+        if name in rows
+    )
 
 
 def same_time(names: tuple[str, str]) -> str:
@@ -153,7 +290,7 @@ def same_time(names: tuple[str, str]) -> str:
     )
 
 
-def sharpen(final: Fit, parameter: str, *, seed: int = 0) -> Experiment | None:
+def sharpen(final: Fit, parameter: str, *, search: Search | None = None) -> Experiment | None:
     """Return the manoeuvre that most reduces a large standard error; None if none does.
 
     With the information I of the logs so far and S of the manoeuvre, the standard error of parameter j is
@@ -165,34 +302,37 @@ def sharpen(final: Fit, parameter: str, *, seed: int = 0) -> Experiment | None:
         Fit of the logs so far.
     parameter : str
         Parameter of the fitted model.
-    seed : int, optional
-        Of the manoeuvres drawn at random.
+    search : Search, optional
+        The manoeuvres.
     """
-    j = final.problem.names.index(parameter)
-    known = _information(final)
+    search = search or Search()
+    j, known = final.problem.names.index(parameter), _information(final)
     now = float(inverse(known)[j, j])
-    best: tuple[float, Manoeuvre, Data] | None = None
-    for manoeuvre in _family(final, seed):
+
+    def benefit(manoeuvre: Manoeuvre) -> Benefit | None:
         seen = predicted(final, manoeuvre)
-        if not np.isfinite(seen.logs[0].values).all():
-            continue
-        _, S, _ = _added(final, seen)
-        then = float(inverse(known + S)[j, j])
-        benefit = float(np.sqrt(now / then)) if then > 0.0 else 0.0
-        if best is None or benefit > best[0]:
-            best = benefit, manoeuvre, seen
-    if best is None or best[0] < PROPOSAL.sharper:
+        if seen is None or not _stays(seen, search.within):
+            return None
+        then = float(inverse(known + _added(final, seen)[1])[j, j])
+        factor = float(np.sqrt(now / then)) if then > 0.0 else 0.0
+        return Benefit(factor, factor, manoeuvre, seen)
+
+    best = _best(final, benefit, search)
+    if best is None or best.value < PROPOSAL.sharper:
         return None
-    benefit, manoeuvre, seen = best
+    factor, manoeuvre, seen = best.value, best.manoeuvre, best.seen
     text = (
-        f"Drive {manoeuvre.text}{_room(seen)}: the standard error of {parameter} then falls by a factor of "
-        f"{benefit:.2g}."
+        f"Drive {manoeuvre.text}, {_length(manoeuvre)}{_room(seen)}: the standard error of {parameter} then "
+        f"falls by a factor of {factor:.2g}."
     )
-    return Experiment(manoeuvre.name, text, manoeuvre.time, manoeuvre.commands, benefit)
+    return Experiment(manoeuvre.name, text, manoeuvre.time, manoeuvre.commands, factor)
 
 
-def predicted(fit: Fit, manoeuvre: Manoeuvre) -> Data:
-    """Return the measurements that a fitted model predicts for a manoeuvre, from rest, without noise."""
+def predicted(fit: Fit, manoeuvre: Manoeuvre) -> Data | None:
+    """Return the measurements that a fitted model predicts for a manoeuvre, from rest, without noise.
+
+    None if the model diverges.
+    """
     like, block = fit.problem.data, fit.problem.block
     n, names = manoeuvre.time.size, [s.name for s in block.states]
     rest = np.repeat(np.array([s.start for s in block.states])[:, None], n, axis=1)
@@ -206,6 +346,8 @@ def predicted(fit: Fit, manoeuvre: Manoeuvre) -> Data:
         fit.model, _data(like, empty, names, fit.problem.period), pieces=fit.problem.usual_pieces
     )
     (found,) = simulate_runs(problem, problem.start, problem.guess, list(runs_of(problem, 0)))
+    if not np.isfinite(found[1]).all():
+        return None
     return _data(like, replace(empty, states=found[0], values=found[1]), names, fit.problem.period)
 
 
@@ -217,12 +359,17 @@ def _data(like: Data, log: Measured, states: Sequence[str], period: float) -> Da
     return Data((log,), like.channels, like.noise, scales, rows, tempo=like.tempo)
 
 
-def _family(fit: Fit, seed: int) -> Sequence[Manoeuvre]:
+def _length(manoeuvre: Manoeuvre) -> str:
+    return f"{manoeuvre.time[-1] - manoeuvre.time[0]:.3g} s"
+
+
+def _family(fit: Fit, search: Search) -> Sequence[Manoeuvre]:
     logs, inputs = fit.problem.logs, fit.problem.block.inputs
     every = np.concatenate([m.inputs for m in logs], axis=1)
     limits = {s.name: reach(s, row) for s, row in zip(inputs, every, strict=True)}
     tempo = fit.problem.tempo
-    return family(limits, max(float(np.median(np.diff(logs[0].time))), PROPOSAL.tick * tempo), seed, tempo)
+    step = max(float(np.median(np.diff(logs[0].time))), PROPOSAL.tick * tempo)
+    return family(limits, step, search.seed, tempo, search.drawn)
 
 
 def _information(fit: Fit) -> Array:
@@ -239,7 +386,8 @@ def _added(fit: Fit, seen: Data) -> tuple[float, Array, Array]:
     problem = Problem(fit.model, seen, fit.problem.names, pieces=fit.problem.usual_pieces)
     noise = replace(fit.noise, scale=np.ones((1, len(seen.channels))))
     try:
-        path = estimate(problem, fit.prior, noise, frozen=True, levels=False).path
+        with np.errstate(all="ignore"):  # a rival may diverge
+            path = estimate(problem, fit.prior, noise, frozen=True, levels=False).path
     except FloatingPointError:
         return np.inf, np.zeros((len(fit.p),) * 2), np.zeros(len(fit.p))
     linear = problem.linearise(path, problem.start)

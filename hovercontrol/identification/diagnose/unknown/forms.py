@@ -63,7 +63,9 @@ def named_forms(
         covariance = fit.covariance[np.ix_(own, own)]
         at = np.linspace(table.grid[0], table.grid[-1], PLACES)
         forms = [_form(table.with_numbers(_values(fit)), fit, at)]
-        for near in nearest_forms(table.of, function.grid, function.values, covariance, along)[:FITTED]:
+        per = math.log(float(fit.problem.seen.sum()))
+        likely = nearest_forms(table.of, function.grid, function.values, covariance, along, per)
+        for near in likely[:FITTED]:
             report(f"trying {function.name} = {near.text(bool(at[0] >= 0.0))}")
             try:
                 forms.append(_form(near, fitted_with(model, [near, *others], fit, names), at))
@@ -96,7 +98,7 @@ def rivals_of(function: FittedFunction) -> tuple[Form, ...]:
         f
         for f in others
         if f.name != "table"
-        and 2.0 * math.log(best.probability / max(f.probability, 1e-300)) < CRITERIA.apart
+        and 2.0 * math.log(best.odds(f)) < CRITERIA.apart
         and not (_contains(f, best) and best.fit.cost - f.fit.cost < _chance(f, best))
     )
 
@@ -116,9 +118,9 @@ def _contains(larger: Form, smaller: Form) -> bool:
 
 
 def nearest_forms(
-    of: Unknown, grid: Array, values: Array, covariance: Array, along: Array
+    of: Unknown, grid: Array, values: Array, covariance: Array, along: Array, per: float = 0.0
 ) -> list[FormFunction]:
-    """Return the forms with the numbers nearest to values of a function, the nearest first.
+    """Return the forms with the numbers nearest to values of a function, the likeliest first.
 
     Forms that are the same over the logs are listed once. One that needs more numbers than there are nodes is
     left out.
@@ -131,6 +133,8 @@ def nearest_forms(
         Of the values.
     along : ndarray
         The argument in the rows of the logs.
+    per : float, optional
+        What each number costs, in twice the log likelihood.
 
     Examples
     --------
@@ -154,7 +158,7 @@ def nearest_forms(
         if any(np.abs(shape - one).max() <= SAME * np.abs(one).max() for one in seen):
             continue
         seen.append(shape)
-        found.append((near[1], near[0]))
+        found.append((near[1] + per * len(near[0].keys), near[0]))
     return [f for _, f in sorted(found, key=lambda one: one[0])]
 
 
@@ -219,11 +223,15 @@ def _form(function: TableFunction | FormFunction, fit: Fit, at: Array) -> Form:
 
 def _weighed(forms: Sequence[Form]) -> tuple[Form, ...]:
     """Return forms with their probabilities, the likeliest first."""
-    # P_i = exp(-BIC_i/2) / sum_j exp(-BIC_j/2),  BIC = -2 log L + k log n of k unknowns and n samples
-    # (Schwarz, Ann. Stat. 6 (1978))
-    n = [float(f.fit.problem.seen.sum()) for f in forms]
-    criterion = np.array([f.fit.cost + len(f.fit.p) * math.log(m) for f, m in zip(forms, n, strict=True)])
+    # P_i = exp(-BIC_i/2) / sum_j exp(-BIC_j/2)
+    criterion = np.array([_information_criterion(f.fit) for f in forms])
     weight = np.exp(-0.5 * (criterion - criterion.min()))
     weight /= weight.sum()
     every = [replace(f, probability=float(w)) for f, w in zip(forms, weight, strict=True)]
     return tuple(sorted(every, key=lambda f: -f.probability))
+
+
+def _information_criterion(fit: Fit) -> float:
+    # BIC = -2 log L + k log n of k unknowns and n samples, without the prior (Schwarz, Ann. Stat. 6 (1978))
+    likely = fit.cost - fit.prior.cost(fit.problem.inside(fit.p))
+    return likely + len(fit.p) * math.log(float(fit.problem.seen.sum()))

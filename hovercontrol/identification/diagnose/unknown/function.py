@@ -57,6 +57,10 @@ class Form:
 
     __repr__ = short_repr
 
+    def odds(self, other: Form) -> float:
+        """Return how many times likelier it is than another form."""
+        return self.probability / max(other.probability, 1e-300)
+
     def __str__(self) -> str:
         own = [f"{k} = {v:.4g} ± {s:.2g} {self.units[k]}".rstrip(" 1") for k, (v, s) in self.numbers.items()]
         return f"{self.text}{', ' if own else ''}{', '.join(own)}"

@@ -21,7 +21,6 @@ from hovercontrol.blocks.unknown_function import UnknownFunction
 from hovercontrol.craft.models.blockmodel import BlockModel
 from hovercontrol.craft.models.functions import FEWEST, KnownFunction, TableFunction, Unknown, unknowns_of
 from hovercontrol.identification.diagnose.search.base import base_fit
-from hovercontrol.identification.diagnose.search.fit import TRIALS
 from hovercontrol.identification.diagnose.unknown.function import FittedFunction
 from hovercontrol.identification.engine.data import Data
 from hovercontrol.identification.engine.excitation import Excitation
@@ -35,6 +34,9 @@ NODES, SAMPLES, SHORT = 10, 8, 0.1
 
 #: Most times that a table is spread over a new range.
 ROUNDS = 4
+
+#: Process noise under which a table is fitted first, relative to the observed acceleration.
+QUIETER = (0.3, 0.03)
 
 #: Fraction of the rows beyond the outer nodes, on each side.
 OUTSIDE = 0.002
@@ -86,10 +88,12 @@ def tabulated(
     for _ in range(ROUNDS):
         report("fitting tables in place of the unknown functions")
         tables = tuple(_spread(table, fit) for table in tables)
-        # what a constant lacks is process noise, which must not stand for the table too: little of it
-        quiet = replace(fit.noise, measured=data.noise, process=TRIALS.quiet * fit.noise.process)
         problem, prior, p = _beginning(model, tables, fit, names)
-        fit = refit(fit, problem, prior, noise=quiet, p=p, levels=False)
+        # What a constant lacks is process noise, which must not stand for the table too: less and less of it
+        for part in QUIETER:
+            quiet = replace(fit.noise, measured=data.noise, process=part * problem.accelerations)
+            fit = refit(fit, problem, prior, noise=quiet, p=p, levels=False)
+            p = fit.p
         fit = scored(refit(fit, problem, prior), prior)
         if all(_covers(table, fit) for table in tables):
             break
@@ -122,7 +126,7 @@ def _beginning(
     before = dict(zip(near.problem.names, near.p.tolist(), strict=True))
     values = zip(problem.names, problem.start.tolist(), strict=True)
     p = np.array([v if n in own else before.get(n, v) for n, v in values])
-    return problem, prior_of(problem, subject), p
+    return problem, prior_of(problem, model), p  # no prior of what the functions are
 
 
 def _parameters(functions: Sequence[KnownFunction]) -> tuple[str, ...]:

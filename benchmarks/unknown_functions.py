@@ -1,0 +1,183 @@
+"""Unknown functions in a model of one's own: is the form right, and is its probability?
+
+``python -m benchmarks.unknown_functions bioreactor [--seeds 5]``: the fed-batch reactor of the SciML showcase
+"Optimal Data Gathering for Missing Physics" (and of arXiv 2604.01231), written anew from its equations; the
+growth mu(C_s) is unknown, two experiments of 15 h, 1 % noise on all three states, a row every three minutes.
+
+``python -m benchmarks.unknown_functions forms [--cases 100]``: carts with a drag of one of eight forms, drawn
+at random; the probability of the likeliest form against the share that is right.
+
+The generators share no code with the package.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+import hovercontrol as hc
+from hovercontrol.craft.models.interface import as_model
+from hovercontrol.identification.diagnose.unknown.forms import named_forms
+from hovercontrol.identification.diagnose.unknown.function import FittedFunction
+from hovercontrol.identification.diagnose.unknown.tables import tabulated, with_constants
+from hovercontrol.identification.engine.data import gather
+
+Array = np.ndarray
+
+SEED = 58_2604
+HOUR = 3600.0
+
+#: Of the showcase: largest growth [1/s], half-saturation [kg/m^3], feed concentration [kg/m^3], yield [1].
+MOST, HALF, FEED, YIELD = 0.421 / HOUR, 4.39, 50.0, 0.777
+
+#: Rows per hour, largest feed [m^3/s].
+ROWS, LARGEST = 20, 2e-3 / HOUR
+
+
+def reactor() -> hc.Block:
+    """The reactor's balances, with the growth unknown."""
+    C_s = hc.Signal("C_s", "kg/m^3", "substrate", start=1.0, nominal=10.0)
+    C_x = hc.Signal("C_x", "kg/m^3", "biomass", start=1.0)
+    V = hc.Signal("V", "m^3", "volume", start=7e-3, nominal=1e-2)
+    Q = hc.Signal("Q_in", "m^3/s", "feed", nominal=1e-6)
+    C_in, y = hc.Signal("C_in", "kg/m^3", start=FEED), hc.Signal("y", "1", "yield", start=YIELD)
+    mu, thin = hc.unknown("mu", of=["C_s"], unit="1/s"), Q.symbol / V.symbol
+    slopes = {
+        "C_s": -mu / y.symbol * C_x.symbol + thin * (C_in.symbol - C_s.symbol),
+        "C_x": mu * C_x.symbol - thin * C_x.symbol,
+        "V": Q.symbol,
+    }
+    return hc.Block("reactor", [C_s, C_x, V], [Q], [C_s, C_x, V], [C_in, y], slopes)
+
+
+def experiment(rng: np.random.Generator, hours: int = 15, noise: float = 0.01) -> hc.Log:
+    """Fifteen hours with another feed each hour."""
+    feed, x, rows = rng.uniform(0.0, LARGEST, hours), np.array([1.0, 1.0, 7e-3]), list[Array]()
+    for q in feed:
+
+        def slopes(t: float, x: Array, q: float = q) -> list[float]:
+            growth = MOST * x[0] / (HALF + x[0])
+            return [
+                -growth / YIELD * x[1] + q / x[2] * (FEED - x[0]),
+                growth * x[1] - q / x[2] * x[1],
+                q,
+            ]
+
+        at = np.linspace(0.0, HOUR, ROWS + 1)
+        run = solve_ivp(slopes, (0.0, HOUR), x, t_eval=at, rtol=1e-9, atol=1e-12).y.T
+        rows.append(run[:-1])
+        x = run[-1]
+    states = np.concatenate(rows)
+    seen = states + noise * np.ptp(states, axis=0) * rng.normal(size=states.shape)
+    columns = dict(zip(("C_s", "C_x", "V"), seen.T, strict=True))
+    t = np.arange(len(states)) * HOUR / ROWS
+    return hc.Log("experiment", t, {**columns, "Q_in": np.repeat(feed, ROWS)})
+
+
+def bioreactor(seeds: int) -> None:
+    """Print a row for each seed: Monod's numbers, their errors, and the time."""
+    first = right = 0
+    for seed in range(seeds):
+        rng, begin = np.random.default_rng([SEED, seed]), time.process_time()
+        found = hc.diagnose(reactor(), [experiment(rng), experiment(rng)], fixed=["C_in", "y"])
+        best = found.functions[0].forms[0]
+        (a, da), (b, db) = [*best.numbers.values(), (np.nan, np.nan)][:2]
+        within = abs(a - MOST) < 2.0 * da and abs(b - HALF) < 2.0 * db
+        first += best.name == "saturating"
+        right += best.name == "saturating" and within
+        said, seconds = "within" if within else "not within", time.process_time() - begin
+        text = f"{found.verdict}, {best} ({best.probability:.0%}), {said} two errors, {seconds:.0f} s"
+        print(f"seed {seed}: {text}", flush=True)
+    print(f"Monod first in {first} of {seeds}, with both numbers within two errors in {right}")
+
+
+def forms(rng: np.random.Generator) -> tuple[str, Callable[[Array], Array]]:
+    """A form of a drag over speeds of about 0 to 2 m/s, with numbers drawn at random."""
+    a, b = rng.uniform(0.5, 2.0), rng.uniform(0.3, 1.5)
+    n = rng.choice([0.5, 1.5, 2.5])
+    every: dict[str, Callable[[Array], Array]] = {
+        "proportional": lambda v: a * v,
+        "square": lambda v: a * v**2,
+        "quadratic": lambda v: a * v + b * v**2,
+        "power": lambda v: a * np.maximum(v, 1e-9) ** n,
+        "saturating": lambda v: 2 * a * v / (b + v),
+        "exponential approach": lambda v: a * (1 - np.exp(-v / b)),
+        "logistic": lambda v: 2 * a / (1 + np.exp((0.8 - v) / (0.3 * b))),
+        "hinge on a line": lambda v: 0.5 * a * v + 2 * a * np.maximum(v - 0.8, 0.0),
+    }
+    name = list(every)[int(rng.integers(len(every)))]
+    return name, every[name]
+
+
+def cart_log(rng: np.random.Generator, drag: Callable[[Array], Array], seconds: int = 20) -> hc.Log:
+    """A cart pushed forward by forces that change each second, 10 rows a second, 0.5 to 4 % noise."""
+    top = float(drag(np.array(rng.uniform(0.8, 1.8))))
+    push, v, seen = np.repeat(rng.uniform(0.05, 1.3, seconds) * top, 10), 0.3, list[float]()
+    for force in push:
+        seen.append(v)
+        for _ in range(50):
+            v = max(v + 0.002 * (force - float(drag(np.array(v)))), 0.0)
+    rows = np.array(seen)
+    noise = np.exp(rng.uniform(np.log(0.005), np.log(0.04))) * np.ptp(rows)
+    return hc.Log(
+        "run", np.arange(rows.size) / 10, {"v": rows + noise * rng.normal(size=rows.size), "F": push}
+    )
+
+
+def function_of(block: hc.Block, log: hc.Log) -> FittedFunction:
+    """The only unknown function of a Block, as a log shows it."""
+    model = hc.BlockModel(block)
+    data = gather(with_constants(as_model(block)), [log]).joined
+    fit, tables = tabulated(model, data, ())
+    return named_forms(model, fit, tables, lambda what: None)[0]
+
+
+def calibration(cases: int) -> None:
+    """Print the share right and the share of table nodes within two errors, by the probability stated."""
+    v, F = hc.Signal("v", "m/s"), hc.Signal("F", "m/s^2")
+    block = hc.Block("cart", [v], [F], [v], [], {"v": F.symbol - hc.unknown("drag", ["v"], "m/s^2")})
+    said, right, nodes, begin = list[float](), list[bool](), list[float](), time.process_time()
+    for case in range(cases):
+        rng = np.random.default_rng([SEED, 1000 + case])
+        name, drag = forms(rng)
+        try:
+            found = function_of(block, cart_log(rng, drag))
+        except hc.InputError as error:
+            print(f"{case}: {name}: refused: {error}", flush=True)
+            continue
+        best = found.forms[0]
+        said.append(best.probability)
+        # a signed form of a speed that is positive is the same form
+        right.append(best.name.removeprefix("signed ") == name)
+        nodes += (np.abs(found.values - drag(found.grid)) < 2.0 * found.std).tolist()
+        own = next((f.probability for f in found.forms if f.name.removeprefix("signed ") == name), 0.0)
+        print(f"{case}: {name}: {best} ({best.probability:.0%}); its own {own:.0%}", flush=True)
+    p, hit = np.array(said), np.array(right)
+    for low, high in ((0.0, 0.4), (0.4, 0.6), (0.6, 0.8), (0.8, 0.9), (0.9, 1.01)):
+        own = (p >= low) & (p < high)
+        if own.any():
+            means = f"said {p[own].mean():.0%} on average, right {hit[own].mean():.0%}"
+            print(f"said {low:.0%} to {min(high, 1.0):.0%}: {own.sum()} cases, {means}")
+    seconds = (time.process_time() - begin) / max(p.size, 1)
+    print(f"all {p.size}: said {p.mean():.0%} on average, right {hit.mean():.0%}; {seconds:.1f} s a case")
+    print(f"values of tables within two errors: {np.mean(nodes):.0%}")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("what", choices=["bioreactor", "forms"])
+    parser.add_argument("--seeds", type=int, default=5)
+    parser.add_argument("--cases", type=int, default=100)
+    options = parser.parse_args()
+    if options.what == "bioreactor":
+        bioreactor(options.seeds)
+    else:
+        calibration(options.cases)
+
+
+if __name__ == "__main__":
+    main()
