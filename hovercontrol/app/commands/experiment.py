@@ -88,8 +88,13 @@ def experiment(
             seed=seed + len(every),
             progress=lambda part, what: report(0.02 + 0.95 * part, what),
         )
-        d, memory = found.diagnosis, {"logs": [_absolute(name) for name in every]}
-        memory |= {"verdict": d.verdict, "next": d.advice, "sure": found.next.sure if found.next else None}
+        d = found.diagnosis
+        memory = {
+            "logs": [_absolute(name) for name in every],
+            "verdict": d.verdict,
+            "next": d.advice,
+            "sure": found.next.sure if found.next else None,
+        }
 
         def write(folder: Path) -> None:
             d.save(folder)
