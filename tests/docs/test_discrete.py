@@ -119,6 +119,7 @@ CALLS = {
     "hc.check": lambda: not hc.check(B, [log()]).errors,
     "hc.identify": lambda: hc.identify(B, [log()]),
     "hc.diagnose": lambda: hc.diagnose(B, [log()]).verdict == "none",
+    "hc.experiment": lambda: hc.experiment(B, [log()]).next is None,
     "hc.kalman_bucy": lambda: hc.kalman_bucy(B, ["a"]).period == H,
     "hc.regression": lambda: hc.regression(B, ["a"]),
     "hc.monitor": lambda: hc.monitor(B, ["y_bias"], **MONITOR).period == H,
@@ -136,7 +137,7 @@ CALLS = {
         == 4
     ),
 }  # fmt: skip
-SLOW = {"hc.identify", "hc.diagnose", "hc.monitor", "hc.check", "block.to_jax"}
+SLOW = {"hc.identify", "hc.diagnose", "hc.experiment", "hc.monitor", "hc.check", "block.to_jax"}
 
 
 @pytest.mark.parametrize(

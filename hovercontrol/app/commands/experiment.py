@@ -13,7 +13,6 @@ from hovercontrol.app.commands import names, options
 from hovercontrol.base.errors import InputError
 from hovercontrol.base.files import check_folder
 from hovercontrol.base.folders import write_folder
-from hovercontrol.logs.gather import split_files
 
 EXAMPLE = (
     "Example: hovercontrol experiment a.csv --model craft.toml --within x=-2:2,u=0:1.5 --out out/campaign"
@@ -118,6 +117,8 @@ def _remembered(out: Path) -> list[str]:
         found = [str(name) for name in content["logs"]]
     except (ValueError, KeyError, TypeError):
         raise InputError(f"{path}: expected the logs of earlier calls; remove it to begin anew") from None
+    from hovercontrol.logs.gather import split_files
+
     for name in (part for one in found for part in split_files(one)):
         if not Path(name).exists():
             raise InputError(
@@ -128,6 +129,8 @@ def _remembered(out: Path) -> list[str]:
 
 def _absolute(name: str) -> str:
     """Return a log's name with absolute paths, of all files of which it consists."""
+    from hovercontrol.logs.gather import split_files
+
     return "+".join(str(Path(part).resolve()) for part in split_files(name))
 
 

@@ -23,6 +23,7 @@ REPORTING = (
     "check",
     "identify",
     "diagnose",
+    "experiment",
     "monitor",
     "fleet",
     "export",

@@ -41,8 +41,8 @@ QUIETER = (0.3, 0.03)
 #: Fraction of the rows beyond the outer nodes, on each side.
 OUTSIDE = 0.002
 
-#: Standard errors of its argument over which a function must be seen.
-RANGE = 10.0
+#: Errors of its argument over which a function must be seen: that of pure noise is 6.
+RANGE = 8.0
 
 
 def constants(model: Subject) -> tuple[TableFunction, ...]:
@@ -177,12 +177,16 @@ def _spread(table: TableFunction, near: Fit) -> TableFunction:
 
 
 def _error_of(fit: Fit, of: Unknown) -> float:
-    """Return the median standard error of a function's argument where it is a state; 0 otherwise."""
-    problem = fit.problem
-    states = [problem.block.states[i].symbol for i in problem.free]
-    own = [states.index(c.arguments[0]) for c in of.calls if c.arguments[0] in states]
+    """Return the error of a function's argument, if it is a state: its noise if measured, else the fit's."""
+    problem, found = fit.problem, 0.0
+    noise = dict(zip(problem.data.channels, problem.data.noise.tolist(), strict=True))
+    states = {problem.block.states[i].symbol: j for j, i in enumerate(problem.free)}
     measured = problem.seen.any(axis=2)
-    return math.sqrt(max((float(np.median(fit.variance_of_path[measured][:, j])) for j in own), default=0.0))
+    for a in (call.arguments[0] for call in of.calls):
+        if a in states:
+            std = math.sqrt(float(np.median(fit.variance_of_path[measured][:, states[a]])))
+            found = max(found, noise.get(str(a), std))
+    return found
 
 
 def refuse_unseen(fit: Fit, tables: Sequence[TableFunction]) -> None:
