@@ -1,6 +1,6 @@
-"""Maximum likelihood by hand for ``own_machines``: an extended Kalman filter and Newton's method.
+"""Maximum likelihood by hand for ``own_machines``: an extended Kalman filter and SciPy's trust region.
 
-Process noise is white, all derivatives are differences, and the unknowns are the parameters and the
+Process noise is white, all derivatives are differences (second ones, too), and the unknowns are the parameters and the
 logarithms of all noise levels. Nothing of the package is used but its Log. Without process noise this is the
 fit of the output error.
 """
@@ -9,47 +9,57 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import minimize
 
 import hovercontrol as hc
 from benchmarks.own_machines_families import Family, Values
 
 Array = NDArray[np.float64]
 
-#: Sub-steps of the filter's model from row to row; Newton steps; differences for them, of a parameter
-#: relative to its value and of the logarithm of a noise level.
-PARTS, STEPS, OF_PARAMETERS, OF_LEVELS = 6, 6, 1e-3, 1e-2
+#: Sub-steps of the filter's model from row to row; differences of a parameter relative to its value, and of
+#: the logarithm of a noise level; least curvature over one, of an unknown that the log hardly shows.
+PARTS, OF_PARAMETERS, OF_LEVELS, FLAT = 6, 1e-3, 1e-2, 1e-5
+
+#: Slope in standard errors at which the maximum is reached.
+REACHED = 0.01
 
 
-def by_hand(family: Family, log: hc.Log, start: Values) -> dict[str, float]:
-    """Return the parameters that maximise the likelihood of the innovations, sought from `start`."""
+def by_hand(family: Family, log: hc.Log, start: Values) -> tuple[dict[str, float], float]:
+    """Return the parameters that maximise the likelihood of the innovations, and minus twice its logarithm.
+
+    They are sought from `start`.
+    """
     noise = [np.log(family.noise * (1.0 if family.law else log[c].std())) for c in family.measured]
     z = np.array([0.0] * len(start) + [np.log(s) for s in family.pushed.values()] + noise)
     d = np.where(np.arange(len(z)) < len(start), OF_PARAMETERS, OF_LEVELS)
     m, e = len(z), np.diag(d)
     pairs = list(itertools.combinations(range(m), 2))
-    best = np.inf
-    part = 1.0
-    step = np.zeros(m)
-    for _ in range(STEPS):
-        while True:
-            tried = z + part * step
-            points = [tried, *(tried + e), *(tried - e), *(tried + e[i] + e[j] for i, j in pairs)]
-            f = costs(family, log, start, np.array(points).T)
-            if f[0] <= best + 1e-6 or part < 1e-3:
-                break
-            part *= 0.5
-        z, best, part = tried, f[0], 1.0
+
+    @lru_cache(maxsize=8)
+    def about(at: tuple[float, ...]) -> tuple[float, Array, Array]:
+        """Cost, slopes and curvatures."""
+        z = np.array(at)
+        points = [z, *(z + e), *(z - e), *(z + e[i] + e[j] for i, j in pairs)]
+        f = costs(family, log, start, np.array(points).T)
         above, below = f[1 : m + 1], f[m + 1 : 2 * m + 1]
         g, H = (above - below) / (2.0 * d), np.diag((above + below - 2.0 * f[0]) / d**2)
         for (i, j), both in zip(pairs, f[2 * m + 1 :], strict=True):
             H[i, j] = H[j, i] = (both - above[i] - above[j] + f[0]) / (d[i] * d[j])
-        values, vectors = np.linalg.eigh(H * np.outer(d, d))
-        step = -d * (vectors @ ((vectors.T @ (d * g)) / np.maximum(np.abs(values), 1e-9 * values[-1])))
-        step = np.clip(step, -0.3, 0.3)
-    return {name: value * (1.0 + z[j]) for j, (name, value) in enumerate(start.items())}
+        return float(f[0]), g, H
+
+    # in units of each unknown's standard error, the others known
+    size = 1.0 / np.sqrt(np.maximum(np.abs(np.diag(about(tuple(z))[2])), FLAT / d**2))
+    found = minimize(
+        lambda x: about(tuple(z + size * x))[0], np.zeros(m), method="trust-exact",
+        jac=lambda x: size * about(tuple(z + size * x))[1],
+        hess=lambda x: size[:, None] * about(tuple(z + size * x))[2] * size, options={"gtol": REACHED},
+    )  # fmt: skip
+    z = z + size * found.x
+    return {name: value * (1.0 + z[j]) for j, (name, value) in enumerate(start.items())}, float(found.fun)
 
 
 def costs(family: Family, log: hc.Log, start: Values, z: Array) -> Array:
