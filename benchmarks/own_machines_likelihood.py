@@ -1,8 +1,8 @@
 """Maximum likelihood by hand for ``own_machines``: an extended Kalman filter and SciPy's trust region.
 
-Process noise is white, all derivatives are differences (second ones, too), and the unknowns are the parameters and the
-logarithms of all noise levels. Nothing of the package is used but its Log. Without process noise this is the
-fit of the output error.
+Process noise is white, all derivatives are differences (second ones, too), and the unknowns are the
+parameters and the logarithms of all noise levels. Nothing of the package is used but its Log. Without process
+noise this is the fit of the output error.
 """
 
 from __future__ import annotations
