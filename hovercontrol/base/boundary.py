@@ -17,7 +17,7 @@ import os
 import sys
 import sysconfig
 import typing
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sized
 from numbers import Real
 from pathlib import Path
 from types import FrameType
@@ -165,6 +165,11 @@ class _Gate:
         text = f"{self.name}: {where}: expected {expected}, found {shown(part)}{nearest}"
         raise InputError(text) if called_by_user(caller) else TypeError(text)
 
+    def _usual(self, key: str, value: Any) -> bool:
+        """Return whether a value is the default, or as empty as the default."""
+        default = self.parameters[key].default
+        return value is default or (default == () and isinstance(value, Sized) and len(value) == 0)
+
     def _blame(self, error: Exception, args: tuple[Any, ...], kwargs: Mapping[str, Any]) -> None:
         """Raise a one-line error if an argument is empty, or a number in it is not finite or too large."""
         given = dict(zip(self._positions(), args[self.skipped :], strict=False)) | dict(kwargs)
@@ -174,7 +179,7 @@ class _Gate:
             return  # Python's own error names the surplus or missing argument
         for one in self._of(inspect.Parameter.VAR_POSITIONAL):
             given[one.name] = args[self.skipped + len(self._positions()) :]
-        given = {k: v for k, v in given.items() if k in self.hints and v is not self.parameters[k].default}
+        given = {k: v for k, v in given.items() if k in self.hints and not self._usual(k, v)}
         for key, value in given.items():
             fault = fault_of(value)
             if fault:

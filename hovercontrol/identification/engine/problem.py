@@ -52,6 +52,9 @@ LOOSE = 10.0
 #: unstable craft grow only by a few per cent.
 GROWTH = 2.0
 
+#: A state of an effect that exceeds its nominal value by this factor has diverged.
+DIVERGED = 1e3
+
 #: Smallest spread of the bristle states of a friction model, relative to their nominal value.
 SHORTEST = 1e-6
 
@@ -275,8 +278,9 @@ class Problem(Unknowns):
             x[i] = values
         every = follow(self.block, new, steps.t + 0.5 * steps.h, steps.h, x, steps.u, parameters)
         values = every[:, steps.begin, np.arange(steps.begin.shape[1])]
+        usual = np.array([self.block.states[i].nominal for i in new])[:, None, None]
         path = path.copy()
-        path[..., new] = np.moveaxis(np.where(np.isfinite(values), values, 0.0), 0, -1)
+        path[..., new] = np.moveaxis(np.where(np.abs(values) < DIVERGED * usual, values, 0.0), 0, -1)
         return path
 
     # ---- simulation ----------------------------------------------------------------------------------------

@@ -136,7 +136,7 @@ def confirmed(
     dropped: list[Lead] = []
     while True:
         without = {
-            n: base if len(effects) == 1 else search.fit(final, final.model.without_effects(n))
+            n: base if len(effects) == 1 else search.fit(final, final.model.without_effects(n), times=True)
             for n in effects
         }
         own = {n: beside(final, without[n], n) for n in effects}

@@ -81,7 +81,8 @@ def held_out(
     instead = _better(found, criteria)
     if instead is not None:
         other = _on(_with_other(selection, *instead, _held(data)), before)
-        if _mean(other.evidence[instead[1].name].holdout) > criteria.better:
+        own = other.evidence.get(instead[1].name)
+        if own and _mean(own.holdout) > criteria.better:
             found = other
     while found.selection.effects:
         rows = _rows(found, criteria)
@@ -129,9 +130,12 @@ def _left(found: HeldOut, left: Selection) -> HeldOut:
     """Return the test of the effects left of a selection; a single effect is tested again."""
     before = found.before
     assert before is not None
-    if len(left.effects) == 1:
+    if len(left.effects) < 2:
         return _on(left, before)
-    after = held_fit(left.final.model, before.problem.data, before) if left.effects else before
+    try:
+        after = held_fit(left.final.model, before.problem.data, before)
+    except FloatingPointError:
+        return _on(left, before)
     evidence = {n: found.evidence[n] for n in left.effects}
     return HeldOut(left, evidence, before, after, ahead(before, after))
 
@@ -142,7 +146,18 @@ def _t(own: Gained | None) -> float:
 
 
 def _on(selection: Selection, before: Fit) -> HeldOut:
-    """Return the fits and errors on the held-out logs, with all effects and without each."""
+    """Return the fits and errors on the held-out logs, with all effects and without each.
+
+    A set whose model diverges on these logs is dropped.
+    """
+    try:
+        return _fitted(selection, before)
+    except FloatingPointError:
+        reason = f"the model with it diverges on {_held(before.problem.data)}"
+        return _fitted(_less(selection, list(selection.effects), reason), before)
+
+
+def _fitted(selection: Selection, before: Fit) -> HeldOut:
     kept = before.problem.data
     after = held_fit(selection.final.model, kept, before) if selection.effects else before
     far = ahead(before, after)
@@ -214,7 +229,10 @@ def _better(found: HeldOut, criteria: Criteria) -> tuple[str, Tried] | None:
         own = found.evidence[name].holdout
         if not own.together or _mean(own) > criteria.better:
             continue
-        there = held_fit(other.fit.model, after.problem.data, after)
+        try:
+            there = held_fit(other.fit.model, after.problem.data, after)
+        except FloatingPointError:
+            continue
         if there.cost > after.cost:
             continue
         gained = round(_mean(ahead(after, there)), 1)
