@@ -129,7 +129,7 @@ def simulated_twice(
         y.append(seen)
         u.append(v)
         acted.append(v)
-        v = acted[max(k - 3, 0)] if hidden == "delay" else v
+        v = (acted[k - 3] if k > 2 else np.full(v.shape, family.offset)) if hidden == "delay" else v
         v = v if hidden != "deadzone" else np.sign(v) * np.maximum(np.abs(v) - 0.2 * most, 0.0)
         v = v if hidden != "saturation" else np.clip(v, -0.5 * most, 0.5 * most)
         if hidden == "backlash":

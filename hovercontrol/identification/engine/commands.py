@@ -148,6 +148,8 @@ def command_times(log: Measured) -> tuple[Array, Array]:
 def by_trial(log: Measured, time: Array) -> tuple[Array, Array]:
     """Return times and commands of a log, shapes (m,) and (n_inputs, m); zero in pauses between trials.
 
+    A log that begins in motion has its first commands for as long before as it lasts.
+
     Parameters
     ----------
     time : ndarray, shape (n,)
@@ -155,10 +157,14 @@ def by_trial(log: Measured, time: Array) -> tuple[Array, Array]:
     """
     usual = float(np.median(np.diff(time))) if time.size > 1 else 0.0
     pauses = [start for start in log.starts if time[start] - time[start - 1] > 2.0 * usual]
-    if not pauses:
-        return time, log.inputs
-    ends = time[[start - 1 for start in pauses]] + usual
-    return np.insert(time, pauses, ends), np.insert(log.inputs, pauses, 0.0, axis=1)
+    times, inputs = time, log.inputs
+    if pauses:
+        ends = time[[start - 1 for start in pauses]] + usual
+        times, inputs = np.insert(time, pauses, ends), np.insert(inputs, pauses, 0.0, axis=1)
+    if log.moving:
+        begin = 2.0 * time[0] - time[-1]
+        times, inputs = np.insert(times, 0, begin), np.insert(inputs, 0, inputs[:, 0], axis=1)
+    return times, inputs
 
 
 def divided(pieces: int, part: Array) -> tuple[Array, Array]:

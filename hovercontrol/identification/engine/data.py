@@ -30,6 +30,10 @@ REACH = 3
 #: Length in rows of the median filter of the first guess of a measured state. It removes single outliers.
 DESPIKE = 5
 
+#: A log begins in motion if a speed is there beyond this part of its root mean square. Then the samples of so
+#: many seconds are left out (the longest delay that is tried), at most this part of the log.
+REST, SETTLED, SHARE = 0.2, 0.15, 0.05
+
 
 @dataclass(frozen=True, eq=False)
 class Data:
@@ -105,9 +109,28 @@ def gather(model: Subject, logs: Sequence[Log | Measured]) -> Data:
     noise = noise_levels(measured, channels)
     scales = noise_scales(measured, channels, noise)
     tempo = tempo_of(measured, is_craft=model.is_craft)
+    measured = tuple(_settled(model, block, m, tempo) for m in measured)
     rows = arrange(measured, [_guess(block, m) for m in measured], channels, model.period, tempo)
     rows = replace(rows, follows=np.zeros_like(rows.follows))
     return Data(measured, channels, noise, scales, rows, drift_states(measured, rows), tempo=tempo)
+
+
+def _settled(model: Subject, block: Block, log: Measured, tempo: float) -> Measured:
+    """Return a log without the samples that commands from before it may have moved, if it begins in motion.
+
+    It does if any state on which forces act is there beyond :data:`REST` of its root mean square. A log that
+    begins at rest had no commands before.
+    """
+    own = {s.symbol for s in (*block.parameters, *block.inputs)}
+    guess = _guess(block, log)
+    speeds = [
+        guess[n] for n in model.motion if n in guess and block.expand(block.derivatives[n]).free_symbols & own
+    ]
+    if not any(abs(v[0]) > REST * float(np.sqrt(np.mean(v**2))) for v in speeds):
+        return log
+    end = min(SETTLED * tempo, SHARE * float(log.time[-1] - log.time[0]))
+    values = np.where(log.time < log.time[0] + end, np.nan, log.values)
+    return replace(log, moving=True, values=values)
 
 
 def _guess(block: Block, log: Measured) -> dict[str, Array]:

@@ -61,6 +61,20 @@ def test_what_predicts_better_stays(sloped):
     assert np.mean(found.far.together) > CRITERIA.better
 
 
+def test_a_model_that_diverges_on_the_held_out_log_is_refuted_by_it(sloped, monkeypatch):
+    case, base, fit, _ = sloped
+
+    def diverging(model, *rest):
+        if "slope" in [e.name for e in model.effects]:
+            raise FloatingPointError("the model diverges")
+        return held_fit(model, *rest)
+
+    monkeypatch.setattr("hovercontrol.identification.diagnose.search.hold_out.held_fit", diverging)
+    found = held_out(selection(base, fit, "slope"), gather(case.model, [case.holdout]))
+    assert not found.selection.effects and found.selection.final is base
+    assert found.selection.leads[0].reason == "the model with it diverges on the held-out log"
+
+
 def test_another_that_predicts_better_takes_the_place_of_one_that_does_not(sloped):
     case, base, fit, other = sloped
     name = other.problem.model.effects[-1].name
@@ -192,7 +206,7 @@ def test_several_held_out_logs_are_judged_together(sloped):
     both, *alone = (held_out(given, gather(case.model, logs)) for logs in (parts, *([log] for log in parts)))
     assert [m.name for m in both.before.problem.logs] == ["b", "c"]
     apart = sum(found.evidence["slope"].gained.gain for found in alone)
-    assert both.evidence["slope"].gained.gain == pytest.approx(apart, rel=0.1)
+    assert both.evidence["slope"].gained.gain == pytest.approx(apart, rel=0.15)  # one noise for both logs
 
 
 def test_a_held_out_log_given_twice_or_fitted_is_refused(sloped):

@@ -126,8 +126,9 @@ def test_a_rejected_sample_does_not_make_its_command_sure():
     assert time[row - 1] == pytest.approx(log.time[row] - 0.5 * step, abs=1e-4)
 
 
-def test_a_command_that_came_late_is_late_for_as_long_as_it_lags():
+def test_a_command_that_came_late_is_late_for_as_long_as_it_lags(monkeypatch):
     """What is not known of a change is one number: its marks in later steps add up, they are no new draws."""
+    monkeypatch.setattr("hovercontrol.identification.engine.data.SHARE", 0.0)  # noise alone looks like motion
     model = c17_simulation().with_effects([effect("thrust_lag", seconds=0.15)])
     t = 0.02 * np.arange(320)
     thrust = np.where(t < 1.74, 1.0, 3.0)

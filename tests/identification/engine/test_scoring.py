@@ -61,8 +61,9 @@ def fitted(log, **values):
     return scored(estimate(problem, prior, first_noise(problem), gate=True), prior)
 
 
-def test_the_score_is_the_derivative_of_the_likelihood_of_all_measurements():
+def test_the_score_is_the_derivative_of_the_likelihood_of_all_measurements(monkeypatch):
     """The density of all rows is a single normal one, whose covariance is written out."""
+    monkeypatch.setattr("hovercontrol.identification.engine.data.SHARE", 0.0)  # it begins in motion
     log, push, first = held_up(1, 60), 0.2, np.array([0.03, 0.1])
     model = as_model(machine())
     problem = Problem(model, gather(model, [log]).joined)

@@ -59,33 +59,40 @@ def test_what_the_user_knows_is_kept_and_said():
         hc.identify(cart(), [cart_log()], fixed=["m", "c"])
 
 
-def test_the_delay_of_a_block_is_a_parameter():
+def late_log(seed, rows=1000, first=0):
     """Commands held for 20 samples of 20 ms reach a cart 0.12 s late: six samples."""
+    sent = held(seed, rows + first, 20, 0.3, 2.5)
+    v = first_order(np.r_[np.zeros(6), sent[:-6]], 0.5, 0.5, 0.0, 0.02)
+    v += 0.004 * np.random.default_rng(9 + seed).normal(size=v.size)
+    return hc.Log(f"log{seed}", 0.02 * np.arange(rows), {"v": v[first:], "F": sent[first:]})
+
+
+def test_the_delay_of_a_block_is_a_parameter():
     tau = hc.Signal("tau", "s", start=0.2, lower=0.0)
     plain = cart()
     late = hc.Block(
         "cart", plain.states, plain.inputs, plain.outputs, (*plain.parameters, tau), plain.derivatives,
         delays={"F": tau.symbol},
     )  # fmt: skip
-
-    def log(seed):
-        sent = held(seed, 1000, 20, 0.3, 2.5)
-        acts = np.r_[np.zeros(6), sent[:-6]]
-        v = first_order(acts, 0.5, 0.5, 0.5, 0.02) + 0.004 * np.random.default_rng(9 + seed).normal(size=1000)
-        return hc.Log(f"log{seed}", 0.02 * np.arange(1000), {"v": v, "F": sent})
-
-    found = hc.identify(late, [log(1)])
+    found = hc.identify(late, [late_log(1)])
     for name, value in {"m": 2.0, "c": 1.0, "tau": 0.12}.items():
         assert abs(found[name].value - value) < 3 * found[name].std < 0.02 * value
     assert found.block.delays == late.delays
-    assert hc.diagnose(late, [log(1)], log(2)).verdict == "none"
+    assert hc.diagnose(late, [late_log(1)], late_log(2)).verdict == "none"
     other = hc.Signal("other", "s", start=0.1)
     uneven = hc.Block(
         "cart", plain.states, plain.inputs, plain.outputs, (*late.parameters, other), plain.derivatives,
         delays={"F": tau.symbol + other.symbol},
     )  # fmt: skip
     with pytest.raises(InputError, match="not all late by one parameter"):
-        hc.identify(uneven, [log(1)])
+        hc.identify(uneven, [late_log(1)])
+
+
+def test_a_log_that_begins_in_motion_has_commands_from_before():
+    """The first six samples after a cut follow commands that the log does not have."""
+    found = hc.diagnose(cart(), [late_log(1, first=63)], late_log(2, first=63))
+    assert [e.effect for e in found.effects] == ["input_delay"]
+    assert abs(found.effects[0].value - 0.12) < 3 * found.effects[0].std
 
 
 def test_a_start_at_which_the_equations_are_not_defined_is_refused():
