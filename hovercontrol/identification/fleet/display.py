@@ -80,9 +80,9 @@ def _faults(fleet: Fleet) -> Iterator[str]:
             for e in f.get("effects", ())
         )
         if named:
-            yield f"{craft} lacks {named}; the other craft do not ({f['verdict']})"
+            yield f"{craft} lacks {named}; the other craft do not (verdict {f['verdict']})"
         elif "refused" not in f and f["verdict"] != "none":
-            yield f"{craft}: its logs show a missing effect that has no name ({f['verdict']})"
+            yield f"{craft}: its logs show a missing effect that has no name (verdict {f['verdict']})"
 
 
 def _off(fleet: Fleet) -> Iterator[str]:

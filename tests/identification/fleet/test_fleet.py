@@ -144,3 +144,20 @@ def test_what_all_craft_lack_is_the_models_and_what_one_lacks_is_its_own(tmp_pat
     (finding,) = [f for f in found.to_json()["findings"] if f.startswith("craft03 lacks")]
     value = float(finding.partition("rudder_offset (")[2].split()[0])
     assert value == pytest.approx(0.03, abs=1e-3)
+
+
+@pytest.mark.slow
+def test_logs_in_a_bucket_are_read_as_those_of_a_folder(carts, tmp_path, monkeypatch):
+    s3fs, server = pytest.importorskip("s3fs"), pytest.importorskip("moto.server")
+    for name in ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY"):
+        monkeypatch.setenv(name, "none")
+    s3 = server.ThreadedMotoServer(port=0)
+    s3.start()
+    url = f"http://127.0.0.1:{s3.get_host_and_port()[1]}"
+    monkeypatch.setenv("AWS_ENDPOINT_URL", url)
+    s3fs.S3FileSystem(endpoint_url=url).put(str(carts / "cart2"), "fleet/cart2", recursive=True)
+    there = fleet(CART, ["s3://fleet/cart2"], out=tmp_path / "there")
+    here = fleet(CART, [str(carts / "cart2")], out=tmp_path / "here")
+    s3.stop()
+    values = [[r["coefficients"] for r in found.results.values()] for found in (there, here)]
+    assert values[0] == values[1] and len(values[0]) == 2 and there.craft == ["cart2"]
