@@ -3,35 +3,30 @@
 from __future__ import annotations
 
 import contextlib
-import math
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
-import sympy as sp
 from numpy.typing import ArrayLike
 
 from hovercontrol.base.boundary import checked
-from hovercontrol.base.errors import InputError, check_known, did_you_mean
+from hovercontrol.base.errors import InputError, did_you_mean
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.delays import undelayed
 from hovercontrol.blocks.derivatives import linear_parameters, nonzero_parameters
-from hovercontrol.blocks.expressions import Expressions
-from hovercontrol.blocks.signals import Signal, time
+from hovercontrol.blocks.signals import Signal
 from hovercontrol.blocks.summary import block_line
 from hovercontrol.craft.effects import Effect, effect_class
-from hovercontrol.craft.effects.actuator import clipped
 from hovercontrol.craft.effects.command import InputDelay
 from hovercontrol.craft.effects.generic import generic_effects
 from hovercontrol.craft.effects.law import is_law, law_class
 from hovercontrol.craft.effects.measurement import TimeOffset
 from hovercontrol.craft.models.actuated import saturated
-from hovercontrol.craft.models.base import EffectModel, as_measured, delays_of, effect_lines, rate_limit
+from hovercontrol.craft.models.base import EffectModel, effect_lines
+from hovercontrol.craft.models.block_equations import BlockEquations
 from hovercontrol.craft.models.functions import KnownFunction
-from hovercontrol.craft.models.rates import equals_period, late_inputs, next_value, rate_form
+from hovercontrol.craft.models.rates import equals_period, rate_form
 
 #: Names that a signal may not have, and why.
 TAKEN = {
@@ -172,7 +167,8 @@ class BlockModel(EffectModel):
             return equal if len(equal) == 1 else ()
         return tuple(name for name in equal if name == self.period_parameter)
 
-    def _rate_form(self) -> Block:
+    def rate_form(self) -> Block:
+        """Return the continuous Block with the rates of a sampled one."""
         return rate_form(self.block, [self._parameters[name] for name in self.periods()])
 
     @property
@@ -185,7 +181,7 @@ class BlockModel(EffectModel):
         """States on which an effect of the catalogue acts."""
         if self.catalogue is None:
             return ()
-        motion = self._motion({s.name: s.symbol for s in self.block.inputs})
+        motion = BlockEquations(self).motion({s.name: s.symbol for s in self.block.inputs})
         found: set[str] = set()
         for cls in self.candidates():
             with contextlib.suppress(AttributeError, InputError):  # it cannot act in this Block
@@ -213,7 +209,7 @@ class BlockModel(EffectModel):
         if not self.period:
             found = generic_effects(undelayed(self.block))
             return {n: c for n, c in found.items() if not (self._own_delay and c is InputDelay)}
-        found = generic_effects(self._rate_form())
+        found = generic_effects(self.rate_form())
         return {name: cls for name, cls in found.items() if _fits_steps(cls)}
 
     def accepts(self, cls: type[Effect]) -> bool:
@@ -347,7 +343,7 @@ class BlockModel(EffectModel):
         sizes = (float(np.abs(inputs[name]).max(initial=0.0)) for name in names if name in inputs)
         return max(sizes, default=0.0)
 
-    def _units(self) -> dict[str, str]:
+    def shared_units(self) -> dict[str, str]:
         """Return the units of the inputs; ``thrust`` is the unit that all inputs share."""
         units = self.input_units()
         shared = set(units.values())
@@ -361,44 +357,8 @@ class BlockModel(EffectModel):
         owner : str, optional
             Name of the Block.
         """
-        _, way = self._way()
-        return str(way.delay or ""), str(self._seen().late or ""), self._own_delay
-
-    def _way(self, limited: bool = False) -> tuple[dict[Signal, sp.Expr], SimpleNamespace]:
-        way = SimpleNamespace(
-            thrusts={s.name: _limited(s) if limited else s.symbol for s in self.block.inputs},
-            rudder=sp.Symbol("rudder", real=True),
-            time=time,
-            inputs={s.name: s.symbol for s in self.block.inputs},
-            units=self.input_units(),
-            delay=None,
-        )
-        states: dict[Signal, sp.Expr] = {}
-        for e in sorted(self.effects, key=lambda e: e.order):
-            states |= e.commands(e.symbols(self.name), way)
-        return states, way
-
-    def _seen(self) -> SimpleNamespace:
-        every: dict[str, Any] = {s.name: s.symbol for s in self.block.states}
-        every |= {s.name: self.block.output_expressions[s.name] for s in self.block.outputs}
-        seen = SimpleNamespace(**every, true=SimpleNamespace(**every), late=None)
-        for e in sorted(self.effects, key=lambda e: e.order):
-            e.measured(e.symbols(self.name), seen)
-        return seen
-
-    def _motion(self, inputs: Mapping[str, sp.Expr], limit: Signal | None = None) -> SimpleNamespace:
-        """Return the symbols that effects use in ``terms`` and ``states``."""
-        return SimpleNamespace(
-            **{
-                # unless the Block has a signal of that name
-                "fastest": limit.symbol if limit else None,
-                "inputs": {s.name: s.symbol for s in self.block.inputs},
-                "thrusts": dict(inputs),
-                **{s.name: s.symbol for s in (*self.block.states, *self.block.parameters)},
-                **inputs,
-                "time": time,
-            }
-        )
+        _, way = BlockEquations(self).commands()
+        return str(way.delay or ""), str(BlockEquations(self).measurements().late or ""), self._own_delay
 
     def plant(
         self, *, late: bool = False, fastest: float | None = None, limited: bool | None = None
@@ -421,7 +381,7 @@ class BlockModel(EffectModel):
             `fastest` is not positive.
         """
         plain = undelayed(self.block) if late else self.block
-        block = self._amended(late, fastest) if self.effects else plain
+        block = BlockEquations(self).amended(late, fastest) if self.effects else plain
         return saturated(block) if (self.limited if limited is None else limited) else block
 
     def rates(self, fastest: float) -> Block:
@@ -443,96 +403,7 @@ class BlockModel(EffectModel):
         >>> print(filtered.with_effects([filtered.effect_class("y_offset")(0.1)]).rates(1e3).equations())
         y' = 20*a*c - 20*a*y + filter.y_offset
         """
-        return self._amended(True, fastest, rates=True)
-
-    def _amended(self, late: bool, fastest: float | None, *, rates: bool = False) -> Block:
-        """Return the Block with the effects, or, of a sampled Block, its rates with the effects."""
-        block = self._rate_form() if rates else undelayed(self.block)
-        step = Signal("period", "s", "sampling period", start=block.period) if block.period else None
-        lags, way = self._way(limited=rates and self.limited)
-        memory = self._remembered(way, lags, step) if step and not late else {}
-        swap = {s.symbol: way.thrusts[s.name] for s in block.inputs}
-        derivatives = {name: e.xreplace(swap) for name, e in block.derivatives.items()}
-        limit = rate_limit(self.name, fastest)
-        motion = self._motion(way.thrusts, limit)
-        own = self._add_terms(derivatives, lags, motion, step)
-        used = set().union(
-            *(e.free_symbols for e in (*derivatives.values(), *own.values(), *memory.values()))
-        )
-        derivatives |= {s.name: e for s, e in (own | memory).items()}
-        measured = self._changed_outputs(block)
-        shown = {
-            s.name: block.output_expressions[s.name].xreplace(swap)
-            for s in block.outputs
-            if rates or s.name not in block.derivatives
-        }
-        parts: dict[str, Any] = {
-            "states": (*block.states, *own, *memory),
-            "outputs": (*block.outputs, *measured),
-            "parameters": (
-                *block.parameters,
-                *(p for e in self.effects for p in e.signals(self.name, self._units())),
-                *(s for s in (limit, step) if s and s.symbol in used),
-            ),
-            "derivatives": Expressions(derivatives),
-            "output_expressions": Expressions({**shown, **{s.name: e for s, e in measured.items()}}),
-            "definitions": Expressions({name: e.xreplace(swap) for name, e in block.definitions.items()}),
-        }
-        if rates:
-            return block.unchecked(**parts)
-        delays = {} if late or step else delays_of(self.timing(), block.inputs, self.coefficients())
-        return Block(block.name, inputs=block.inputs, delays=delays, period=block.period, **parts)
-
-    def _add_terms(
-        self,
-        derivatives: dict[str, sp.Expr],
-        lags: Mapping[Signal, sp.Expr],
-        motion: SimpleNamespace,
-        step: Signal | None,
-    ) -> dict[Signal, sp.Expr]:
-        """Add the effects' terms to the derivatives; return the equations of the effects' own states."""
-        own = dict(lags)
-        for e in self.effects:
-            own |= e.states(e.symbols(self.name), motion)
-            for state, term in e.terms(e.symbols(self.name), motion).items():
-                check_known(state, derivatives, f"effect {e.name}: {self.name!r} has no state {state!r}")
-                derivatives[state] += step.symbol * term if step else term
-        return {s: next_value(s, rate, step.symbol) for s, rate in own.items()} if step else own
-
-    def _changed_outputs(self, block: Block) -> dict[Signal, sp.Expr]:
-        """Return the outputs that effects of sensors change, as measured."""
-        seen = self._seen()
-        pairs = [(s, getattr(seen, s.name)) for s in block.outputs]
-        return {as_measured(s): e for s, e in pairs if e != getattr(seen.true, s.name)}
-
-    def _remembered(
-        self, way: SimpleNamespace, lags: dict[Signal, sp.Expr], step: Signal
-    ) -> dict[Signal, sp.Expr]:
-        """Let the inputs of a sampled plant arrive late; return the memories of their past values."""
-        arriving = delays_of(self.timing(), self.block.inputs, self.coefficients())
-        if not arriving:
-            return {}
-        names = [name for name in self.timing() if name]
-        delay = sum(self.coefficients()[name.rpartition(".")[2]] for name in names)
-        swap: dict[sp.Symbol, sp.Expr] = {}
-        memory: dict[Signal, sp.Expr] = {}
-        for s, past in late_inputs(self.block.inputs, delay, step.start).items():
-            values = [s.symbol, *(m.symbol for m in past)]
-            # d = (n + r) T, 0 <= r < 1:  u arrives as (1 - r) u(k-n) + r u(k-n-1)
-            n = len(past) - 1
-            r = arriving[s.name] / step.symbol - n
-            swap[s.symbol] = values[n] + r * (values[n + 1] - values[n])
-            memory |= dict(zip(past, values, strict=False))
-        for name, e in way.thrusts.items():
-            way.thrusts[name] = e.xreplace(swap)
-        lags.update({state: e.xreplace(swap) for state, e in lags.items()})
-        return memory
-
-
-def _limited(s: Signal) -> sp.Expr:
-    """Return an input between its bounds."""
-    low, high = (sp.Float(b) if math.isfinite(b) else None for b in (s.lower, s.upper))
-    return clipped(s.symbol, low, high)
+        return BlockEquations(self).amended(True, fastest, rates=True)
 
 
 def _fits_steps(cls: type[Effect]) -> bool:
