@@ -208,6 +208,27 @@ class Block(Backends):
         """The value of every parameter, by its key."""
         return {self.parameter_key(p.name): p.start for p in self.parameters}
 
+    def full_key(self, name: str) -> str:
+        """Return the key of a parameter; other names as they are.
+
+        Parameters
+        ----------
+        name : str
+            Its key or, where unique, the last part, unless a state or input has that name (``thrust`` is the
+            plant's input, ``plant.thrust`` its coefficient).
+
+        Examples
+        --------
+        >>> from hovercontrol.craft.models.vehicles import vehicle
+        >>> plant = vehicle("c17_simulation").plant()
+        >>> plant.full_key("yaw_coulomb"), plant.full_key("thrust")
+        ('plant.yaw_coulomb', 'thrust')
+        """
+        if name in self.default_parameters or any(name == s.name for s in (*self.states, *self.inputs)):
+            return name
+        short = [key for key in self.default_parameters if key.rpartition(".")[2] == name]
+        return short[0] if len(short) == 1 else name
+
     @checks_itself
     def parameter_values(
         self, params: Mapping[str, float] | None = None, *, bounded: bool = True
@@ -217,7 +238,7 @@ class Block(Backends):
         Parameters
         ----------
         params : mapping, optional
-            Values by key (``plant.yaw_coulomb``).
+            Values by key (``plant.yaw_coulomb``) or name (:meth:`full_key`).
         bounded : bool, optional
             Refuse values out of their bounds. Finite differences at a bound step over it.
 
@@ -232,7 +253,8 @@ class Block(Backends):
             raise InputError(self.where(text))
         values = dict(self.default_parameters)
         signals = dict(zip(values, self.parameters, strict=True))
-        for key, value in (params or {}).items():
+        for name, value in (params or {}).items():
+            key = name if name in values else self.full_key(name)
             check_known(key, values, self.where(f"unknown parameter {key!r}"))
             try:
                 if type(value) is not float and not fits(value, float):
@@ -260,12 +282,8 @@ class Block(Backends):
         InputError
             If a name is unknown or a value out of its bounds.
         """
-        own = {s.name for s in (*self.states, *self.inputs)}
         keys = {self.parameter_key(p.name): p.name for p in self.parameters}
-        left: dict[str, float] = {}
-        for name, value in values.items():
-            short = [key for key in keys if key.rpartition(".")[2] == name]
-            left[name if name in own else keys.get(name, keys[short[0]] if len(short) == 1 else name)] = value
+        left = {keys.get(self.full_key(name), name): value for name, value in values.items()}
 
         def changed(signals: tuple[Signal, ...]) -> tuple[Signal, ...]:
             return tuple(s.replace(start=left.pop(s.name)) if s.name in left else s for s in signals)

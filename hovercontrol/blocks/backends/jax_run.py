@@ -283,10 +283,11 @@ def run_function(
 
     def run(params: Mapping[str, Any] | None = None, x0: Mapping[str, Any] | None = None) -> dict[str, Any]:
         x0 = by_state(block, x0 or {})
+        params = {block.full_key(name): value for name, value in (params or {}).items()}
         for given, known, kind in ((params, block.default_parameters, "parameter"), (x0, starts, "state")):
-            for name in given or {}:
+            for name in given:
                 check_known(name, known, block.where(f"unknown {kind} {name!r}"))
-        for name in fixed & set(params or {}):
+        for name in fixed & set(params):
             raise InputError(block.where(f"{name!r} sets times at which the run restarts and is fixed in it"))
         p = _columns(block.default_parameters, params)
         x = _columns(starts, x0)

@@ -92,7 +92,8 @@ def sweep_of(
     if x0 is not None and not isinstance(x0, Mapping):
         x0 = rows_by_state(block, x0)
     x0 = by_state(block, x0 or {})
-    runs = number_of_runs({**(params or {}), **x0})
+    params = {block.full_key(name): values for name, values in (params or {}).items()}
+    runs = number_of_runs({**params, **x0})
     keys = [block.parameter_key(s.name) for s in block.parameters]
     signals = dict(zip(keys, block.parameters, strict=True))
     p, given_p = values_of_runs(block, signals, params, runs, "parameter")
@@ -106,7 +107,7 @@ def sweep_of(
         np.full((runs, len(block.states)), np.nan),
         np.zeros(runs, dtype=np.intc),
     )
-    return Sweep(block, x, p, u, keys, params or {}, given_p, given_x, counted, bands, results)
+    return Sweep(block, x, p, u, keys, params, given_p, given_x, counted, bands, results)
 
 
 def run_sweep(

@@ -297,7 +297,7 @@ def _shown(
         return (), (), ()
     known: list[str] = []
     _collect(lambda: check_fitted(trial.fit), errors, known)
-    warnings += [line for line in known if "are not excited" not in line]  # already in the table
+    warnings += [line for line in known if "is not excited by these logs" not in line]  # already in the table
     if trial.outliers:
         warnings.append(
             f"{trial.outliers} of {trial.rows} rows are outliers of the fitted model: left out of a fit"

@@ -85,7 +85,7 @@ def _identified(work: Work, paths: Sequence[str]) -> dict[str, Any]:
     free = [n for n in work.model.free_coefficients() if n.rpartition(".")[2] not in work.fixed]
     more = [e.parameter(k) for e in work.model.effects if e.name in work.added for k in e.numbers]
     found = identify(work.model, [log], list(dict.fromkeys([*free, *more])), fixed=work.fixed)
-    notes += [line for line in check_fitted(found.fit) if "are not excited" not in line]
+    notes += [line for line in check_fitted(found.fit) if "is not excited by these logs" not in line]
     notes += [line for line in (found.misfit, found.not_converged) if line]
     return {
         "craft": craft,

@@ -22,6 +22,24 @@ def test_a_step_on_a_coarse_grid_stays_a_step():
     assert v == pytest.approx([0, 0, 0, 1], abs=1e-9)  # python-control's ramp would give 0.5 at t = 2
 
 
+def test_a_parameter_may_be_given_by_the_last_part_of_its_key_where_that_is_unique():
+    plant, t = c17_simulation().plant(), np.linspace(0.0, 1.0, 3)
+    commands, code = {"thrust": 2.0, "rudder": 0.3}, plant.compile()
+    runs = [
+        run(t, commands, params={key: 2.0}).states[:, -1]
+        for key in ("plant.yaw_coulomb", "yaw_coulomb")
+        for run in (code.simulate, lambda *args, **more: simulate(plant, *args, **more))
+    ]
+    assert (runs[0] == runs[2]).all() and (runs[1] == runs[3]).all()
+    sweeps = [
+        code.sweep(t, inputs=commands, params={key: [0.5, 2.0]})
+        for key in ("plant.yaw_coulomb", "yaw_coulomb")
+    ]
+    assert (sweeps[0]["r"].final == sweeps[1]["r"].final).all()
+    with pytest.raises(InputError, match=r"unknown parameter 'thrust'; did you mean 'plant\.thrust'"):
+        simulate(plant, t, commands, params={"thrust": 2.0})  # an input has that name
+
+
 def test_an_interpolated_input_is_a_ramp_if_asked_for():
     v = simulate(CART, [0, 1, 2, 3], {"a": [0, 0, 1, 1]}, hold="linear", **TIGHT).states[0]
     assert v == pytest.approx([0, 0, 0.5, 1.5], abs=1e-9)

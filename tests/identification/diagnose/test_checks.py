@@ -313,7 +313,7 @@ def test_length_counts_in_time_constants_of_the_model():
 def test_what_cannot_be_known_is_named():
     resting = changed(rudder=np.zeros(len(LOG)))
     said = excitation(CASE.model, [resting])
-    assert any("rudder_torque are not excited" in s and "rudder stays 0" in s for s in said)
+    assert any("rudder_torque is not excited" in s and "rudder stays 0" in s for s in said)
 
 
 def test_a_log_that_tells_nothing_is_refused():

@@ -109,7 +109,7 @@ def check_excitation(base: Fit, predicts_nothing: bool = False) -> list[str]:
         raise InputError(
             f"{logs}: no coefficient of the model is excited: motion and commands are nearly constant"
         )
-    return [f"{names[j]} are not excited by these logs: {shown.reason(j)}" for j in blind]
+    return [f"{names[j]} is not excited by these logs: {shown.reason(j)}" for j in blind]
 
 
 def predicts_nothing(base: Fit) -> list[str]:

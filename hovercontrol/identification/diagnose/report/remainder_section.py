@@ -82,7 +82,7 @@ def _laws(m: Context) -> Table | None:
         function = "a function of each of" if len(y.signals) > 2 else "any function of"
         told = f"{function} {listed(y.signals)}" if y.gain > 0.0 else "no function of one to three signals"
         rows.append((prime(y.equation), told, rounded(y.gain), rounded(taken), percent(y.share(taken))))
-    head = ("equation", "could still be told by", "gain", "gain of the named effects", "told")
+    head = ("equation", "could still be explained by", "gain", "gain of the named effects", "explained")
     return table(head, rows) if rows else None
 
 

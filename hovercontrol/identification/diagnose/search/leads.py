@@ -70,9 +70,9 @@ def leads(
             continue
         t = tried.get(s.candidate.name)
         if t is not None:
-            reason = why_not(t, len(seen), criteria) or "another one takes more"
+            reason = why_not(t, len(seen), criteria) or "another candidate explains more"
             if t.gain < 0.0:
-                reason = f"promises {s.gain:.3g} in twice the log likelihood, but no fit with it is likelier"
+                reason = f"the fit does not reach its predicted gain of {s.gain:.3g}"
             found.append(Lead(t.name, max(t.gain, 0.0), t.blocks.t, reason, t.blocks.n))
             continue
         score_t = float(np.sqrt(max(s.chi2, 0.0)))
@@ -86,6 +86,6 @@ def leads(
         elif s.candidate.trial.mistaken_for:
             reason = ASKED_FOR
         else:
-            reason = "another one takes more"
+            reason = "another candidate explains more"
         found.append(Lead(s.candidate.name, s.gain, score_t, reason))
     return tuple(found[:8])
