@@ -71,6 +71,31 @@ class Function(TypedDict):
     std: Annotated[list[float], "standard errors of the values"]
 
 
+class FormNumber(TypedDict):
+    """A number of a form of a function."""
+
+    value: float
+    std: Annotated[float | None, "standard error"]
+    unit: str
+
+
+class Form(TypedDict):
+    """A form that an unknown function may have."""
+
+    name: str
+    text: str
+    probability: float
+    numbers: dict[str, FormNumber]
+
+
+class UnknownFunction(Function):
+    """A function that the model's user does not know (``hc.unknown``), as the logs determine it."""
+
+    name: str
+    unit: str
+    forms: Annotated[list[Form], "the most probable first"]
+
+
 class NamedEffect(TypedDict):
     """An effect that the model lacks."""
 
@@ -239,6 +264,7 @@ class Result(TypedDict):
     coefficients: Annotated[list[Coefficient], "of the amended model, fitted or kept"]
     groups: Annotated[list[Group], "what the logs show only together"]
     rivals: list[Rival]
+    functions: Annotated[list[UnknownFunction], "those that the model leaves open"]
     gap: Gap
     remainder: Annotated[dict[str, Remainder], "by equation"]
     slow_errors: Annotated[dict[str, SlowError], "by channel"]
