@@ -19,8 +19,8 @@ from .blocks.units import UnitError as UnitError
 from .blocks.unknown import unknown as unknown
 from .control.analysis.frequency import bode as bode
 from .control.analysis.frequency import nyquist as nyquist
-from .control.analysis.margins import margins as margins
-from .control.analysis.sensitivity import sensitivity as sensitivity
+from .control.analysis.sensitivity_functions import sensitivity as sensitivity
+from .control.analysis.stability_margins import margins as margins
 from .control.controllers import gain_scheduled as gain_scheduled
 from .control.controllers import lqi as lqi
 from .control.controllers import lqr as lqr

@@ -1,5 +1,6 @@
 """Analyses of Blocks: stability, observability, margins, regions."""
 
+from hovercontrol.control.analysis.byrnes_isidori import NormalForm, normal_form
 from hovercontrol.control.analysis.directions import Direction
 from hovercontrol.control.analysis.excitation import Excitation, FunctionSet, excitation, signals_of
 from hovercontrol.control.analysis.experiment_design import ExpectedErrors, ellipse_errors, expected_errors
@@ -13,7 +14,6 @@ from hovercontrol.control.analysis.iss import (
     peak_gain,
     simulated_errors,
 )
-from hovercontrol.control.analysis.loop_gain import loop_gain
 from hovercontrol.control.analysis.loop_modes import OutsideModes
 from hovercontrol.control.analysis.lyapunov import (
     Decay,
@@ -22,12 +22,18 @@ from hovercontrol.control.analysis.lyapunov import (
     fastest_beta,
     lyapunov_function,
 )
-from hovercontrol.control.analysis.margins import FrozenMargins, Margins, loop_margins, margins, margins_along
-from hovercontrol.control.analysis.normal_form import NormalForm, normal_form
 from hovercontrol.control.analysis.observability import Gramian, SlidingGramian, observability_gramian
+from hovercontrol.control.analysis.open_loop import loop_gain
 from hovercontrol.control.analysis.packet_loss import PacketLoop, packet_loop, packet_loop_along
 from hovercontrol.control.analysis.regions import Axis, Region, axis, mesh, sweep_map
-from hovercontrol.control.analysis.sensitivity import Sensitivity, sensitivity
+from hovercontrol.control.analysis.sensitivity_functions import Sensitivity, sensitivity
+from hovercontrol.control.analysis.stability_margins import (
+    FrozenMargins,
+    Margins,
+    loop_margins,
+    margins,
+    margins_along,
+)
 from hovercontrol.control.analysis.stabilizability import Stabilizability, stabilizability
 from hovercontrol.control.analysis.steering import steering_map, turning_modes
 from hovercontrol.control.analysis.zero_dynamics import ZeroDynamics, predict, zero_dynamics

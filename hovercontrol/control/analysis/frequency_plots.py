@@ -14,8 +14,8 @@ from hovercontrol.base.figure_style import BLUE, VERMILION
 
 if TYPE_CHECKING:
     from hovercontrol.control.analysis.frequency import Bode, Nyquist
-    from hovercontrol.control.analysis.margins import FrozenMargins, Margins
-    from hovercontrol.control.analysis.sensitivity import Sensitivity
+    from hovercontrol.control.analysis.sensitivity_functions import Sensitivity
+    from hovercontrol.control.analysis.stability_margins import FrozenMargins, Margins
 
 #: The part of a Nyquist curve beyond this size is drawn on a circle of it.
 LARGEST = 4.0

@@ -25,9 +25,7 @@ from hovercontrol.base.pyplot import open_in_pyplot
 from hovercontrol.base.tables import positive
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.sgn import regularise
-from hovercontrol.control.analysis.loops import c17_ellipse, on_reference, tracking_loop
-from hovercontrol.control.analysis.lyapunov import decay
-from hovercontrol.control.analysis.normal_form import (
+from hovercontrol.control.analysis.byrnes_isidori import (
     ERRORS,
     OWNER,
     closed_loop,
@@ -35,6 +33,8 @@ from hovercontrol.control.analysis.normal_form import (
     once_for_equations,
     symbol,
 )
+from hovercontrol.control.analysis.loops import c17_ellipse, on_reference, tracking_loop
+from hovercontrol.control.analysis.lyapunov import decay
 from hovercontrol.craft.models.model import Model
 
 #: The coefficients that C17 lets the controller take from the estimator, c1 to c6.

@@ -13,7 +13,7 @@ from hovercontrol.base.errors import InputError
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.interconnect import interconnect
 from hovercontrol.blocks.signals import Signal, time
-from hovercontrol.control.analysis.normal_form import ERRORS
+from hovercontrol.control.analysis.byrnes_isidori import ERRORS
 from hovercontrol.control.controllers import tracking_controller
 from hovercontrol.control.controllers.references import ellipse
 from hovercontrol.control.observers import kalman_bucy

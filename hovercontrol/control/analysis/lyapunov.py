@@ -20,7 +20,7 @@ from hovercontrol.base.arrays import Array
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError
 from hovercontrol.base.short_repr import short_repr
-from hovercontrol.control.analysis.normal_form import (
+from hovercontrol.control.analysis.byrnes_isidori import (
     ERRORS,
     closed_loop,
     coefficient,
@@ -138,7 +138,7 @@ def lyapunov_rate(model: Model) -> sp.Expr:
     sympy.Expr
         In the motion, the reference's signals, the force vector ``thrust_x, thrust_y`` (T cos(theta),
         T sin(theta)), the coefficients and gains
-        (:func:`~hovercontrol.control.analysis.normal_form.coefficient`) and ``beta``.
+        (:func:`~hovercontrol.control.analysis.byrnes_isidori.coefficient`) and ``beta``.
 
     Raises
     ------

@@ -13,7 +13,7 @@ from hovercontrol.base.errors import InputError
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.interconnect import interconnect
 from hovercontrol.blocks.sgn import sgn
-from hovercontrol.control.analysis.normal_form import symbol
+from hovercontrol.control.analysis.byrnes_isidori import symbol
 from hovercontrol.control.analysis.regions import Region, axis
 from hovercontrol.control.controllers import tracking_controller
 from hovercontrol.craft.models.model import Model

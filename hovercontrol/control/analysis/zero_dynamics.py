@@ -18,7 +18,7 @@ from hovercontrol.base.errors import InputError
 from hovercontrol.base.short_repr import short_repr
 from hovercontrol.base.tables import positive
 from hovercontrol.blocks.sgn import sgn
-from hovercontrol.control.analysis.normal_form import (
+from hovercontrol.control.analysis.byrnes_isidori import (
     ERRORS,
     coefficient,
     normal_form,
@@ -143,7 +143,7 @@ def zero_dynamics(model: Model, side: bool = False) -> ZeroDynamics:
     Raises
     ------
     InputError
-        As :func:`~hovercontrol.control.analysis.normal_form.normal_form`.
+        As :func:`~hovercontrol.control.analysis.byrnes_isidori.normal_form`.
 
     Examples
     --------

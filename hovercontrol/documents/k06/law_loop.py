@@ -16,7 +16,7 @@ from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.delays import pade
 from hovercontrol.blocks.interconnect import interconnect, rename
 from hovercontrol.blocks.signals import Signal
-from hovercontrol.control.analysis.normal_form import symbol
+from hovercontrol.control.analysis.byrnes_isidori import symbol
 from hovercontrol.control.controllers.k06 import force_to_command, setpoints, turn
 from hovercontrol.control.controllers.k06.energy import body_signals, kinetic_energy, unwanted_level
 from hovercontrol.control.controllers.k06.laws import SURGE_REF, YAW_RATE_REF

@@ -13,9 +13,9 @@ from hovercontrol import interconnect, tracking_controller, vehicle
 from hovercontrol.base.arrays import Array
 from hovercontrol.blocks.block import Block
 from hovercontrol.control.analysis.loops import c17_ellipse, on_reference
-from hovercontrol.control.analysis.margins import FrozenMargins, Margins, margins, margins_along
 from hovercontrol.control.analysis.output import Progress, quiet, save
 from hovercontrol.control.analysis.packet_loss import Lost, packet_loop
+from hovercontrol.control.analysis.stability_margins import FrozenMargins, Margins, margins, margins_along
 from hovercontrol.control.controllers.k06 import forward, setpoints
 from hovercontrol.documents.k06.law_loop import ROUND_TRIP, force_craft, trial_numbers
 

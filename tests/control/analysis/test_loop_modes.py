@@ -11,7 +11,7 @@ from scipy.linalg import block_diag
 import hovercontrol as hc
 from hovercontrol.control.analysis import loop_margins, margins, margins_along
 from hovercontrol.control.analysis.cut_loop import CutLoop
-from hovercontrol.control.analysis.margins import Margins
+from hovercontrol.control.analysis.stability_margins import Margins
 
 S = hc.Signal
 AHEAD = {"plant.u": 1.0}

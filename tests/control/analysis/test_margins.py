@@ -13,7 +13,7 @@ from hovercontrol import Block, InputError, Signal, interconnect
 from hovercontrol.blocks.interconnect import rename
 from hovercontrol.control.analysis.cut_loop import CutLoop, cut_blocks
 from hovercontrol.control.analysis.loops import c17_ellipse, on_reference
-from hovercontrol.control.analysis.margins import loop_margins, margins, margins_along
+from hovercontrol.control.analysis.stability_margins import loop_margins, margins, margins_along
 from hovercontrol.control.controllers import lqr, tracking_controller
 from hovercontrol.control.controllers.k06 import forward, setpoints
 from hovercontrol.craft.models.vehicles import c17_simulation

@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 
 from hovercontrol.base.errors import InputError
 from hovercontrol.blocks.sgn import sgn
+from hovercontrol.control.analysis.byrnes_isidori import ERRORS, coefficient, normal_form, symbol
 from hovercontrol.control.analysis.loops import tracking_loop
 from hovercontrol.control.analysis.lyapunov import decay, fastest_beta, lyapunov_function, lyapunov_rate
-from hovercontrol.control.analysis.normal_form import ERRORS, coefficient, normal_form, symbol
 from hovercontrol.control.analysis.zero_dynamics import predict
 from hovercontrol.craft.models.vehicles import c17_experiment, c17_simulation
 from hovercontrol.documents.c17.beta_region import beta_region

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from hovercontrol.base.errors import InputError
 from hovercontrol.blocks.sgn import sgn
+from hovercontrol.control.analysis.byrnes_isidori import coefficient
 from hovercontrol.control.analysis.loops import c17_ellipse, initial_errors, on_reference, tracking_loop
-from hovercontrol.control.analysis.normal_form import coefficient
 from hovercontrol.control.analysis.zero_dynamics import (
     kinetic_energy_rate,
     predict,

@@ -23,7 +23,7 @@ from scipy.optimize import minimize_scalar
 from hovercontrol.base.arrays import Array
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.pyplot import open_in_pyplot
-from hovercontrol.control.analysis.loop_gain import (
+from hovercontrol.control.analysis.open_loop import (
     At,
     Loop,
     Slope,
@@ -32,7 +32,7 @@ from hovercontrol.control.analysis.loop_gain import (
     response_of,
     unstable_poles,
 )
-from hovercontrol.control.analysis.margins import Margins
+from hovercontrol.control.analysis.stability_margins import Margins
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

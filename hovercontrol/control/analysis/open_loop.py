@@ -21,7 +21,7 @@ from hovercontrol.blocks.backends.trim import Trim
 from hovercontrol.blocks.block import Block
 from hovercontrol.control.analysis.cut_loop import CutLoop
 from hovercontrol.control.analysis.loop_modes import OutsideModes, split_loop, split_sampled
-from hovercontrol.control.analysis.margins import Margins, loop_margins, negative
+from hovercontrol.control.analysis.stability_margins import Margins, loop_margins, negative
 
 Loop: TypeAlias = Block | Sequence[Block] | control.StateSpace | control.TransferFunction
 At: TypeAlias = ArrayLike | Mapping[str, float] | Trim | None
