@@ -60,6 +60,11 @@ def motion():
     return ct.input_output_response(loop.to_control(), T, np.ones(N), X0=[0.5])
 
 
+def fleet(folder):
+    log().save(folder / "record.csv")
+    return hc.fleet(B, [str(folder / "record.csv")], out=folder / "out").craft
+
+
 def fmu(tmp):
     return B.to_fmu(tmp / "filter.fmu").exists()
 
@@ -137,14 +142,15 @@ CALLS = {
         == 4
     ),
 }  # fmt: skip
-SLOW = {"hc.identify", "hc.diagnose", "hc.experiment", "hc.monitor", "hc.check", "block.to_jax"}
+FILES = {"block.to_fmu": fmu, "hc.fleet": fleet}
+SLOW = {"hc.fleet", "hc.identify", "hc.diagnose", "hc.experiment", "hc.monitor", "hc.check", "block.to_jax"}
 
 
 @pytest.mark.parametrize(
     "name", [pytest.param(n, marks=[pytest.mark.slow] if n in SLOW else []) for n in ROWS]
 )
 def test_a_row_is_true(name, tmp_path):
-    call = partial(fmu, tmp_path) if name == "block.to_fmu" else CALLS[name]
+    call = partial(FILES[name], tmp_path) if name in FILES else CALLS[name]
     if ROWS[name].startswith("refused"):
         with pytest.raises(InputError) as caught:
             call()
