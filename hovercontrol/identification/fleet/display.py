@@ -54,10 +54,8 @@ def sentences(fleet: Fleet) -> Iterator[str]:
 
 
 def _common(c: Common, craft: int) -> str:
-    at = max(
-        c.before, key=lambda e: 1.0 - (c.after.get(e, c.before[e])[0] / max(c.before[e][0], 1e-300)) ** 2
-    )
-    (before, _, unit), (after, _, _) = c.before[at], c.after[at]
+    at = c.equation
+    (before, _, unit), (after, _, _) = c.before[at], c.after.get(at, c.before[at])
     rivals = f"; {', '.join(c.rivals)} less likely" if c.rivals else ""
     return (
         f"the model lacks {c.name}, in {c.craft} of {craft} craft: with it the missing acceleration in {at} "

@@ -58,14 +58,23 @@ class Common:
     rivals: tuple[str, ...]
 
     @property
+    def equation(self) -> str:
+        """The equation of which it takes most, relative to the acceleration seen."""
+        return max(
+            self.before,
+            key=lambda e: (
+                (self.before[e][0] ** 2 - self._after(e) ** 2) / max(self.before[e][1] ** 2, 1e-300)
+            ),
+        )
+
+    @property
     def taken(self) -> float:
-        """Fraction of the missing mean square that it takes, in the equation of which it takes most."""
-        parts = [
-            1.0 - (self.after[e][0] / b[0]) ** 2
-            for e, b in self.before.items()
-            if b[0] > 0 and e in self.after
-        ]
-        return max(parts, default=0.0)
+        """Fraction of the missing mean square that it takes in that equation."""
+        before = self.before[self.equation][0]
+        return 1.0 - (self._after(self.equation) / before) ** 2 if before > 0.0 else 0.0
+
+    def _after(self, equation: str) -> float:
+        return self.after.get(equation, self.before[equation])[0]
 
 
 @checked

@@ -7,7 +7,7 @@ never done twice, whoever asks, and a changed log, model or option is another ta
 from __future__ import annotations
 
 import hashlib
-import importlib
+import importlib.util
 import json
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
