@@ -134,7 +134,7 @@ def lqi(
             "integrate no more quantities than there are inputs"
         )
     q = weight_matrix(
-        "lqi: Q", named(design, Q, plant), [*design.names, *design.integral_names], definite=False
+        "lqi: Q", named("lqi: Q", design, Q, plant), [*design.names, *design.integral_names], definite=False
     )
     r = weight_matrix("lqi: R", R, design.input_names, definite=True)
     refuse_unsolvable("lqi", design, q)

@@ -140,7 +140,7 @@ def lqr(
         compensate=friction == "none" if compensate_friction is None else compensate_friction,
         estimated=measured != "{}",
     )
-    q = weight_matrix("lqr: Q", named(design, Q, plant), design.names, definite=False)
+    q = weight_matrix("lqr: Q", named("lqr: Q", design, Q, plant), design.names, definite=False)
     r = weight_matrix("lqr: R", R, design.input_names, definite=True)
     refuse_unsolvable("lqr", design, q)
     design = design.over("lqr", period)
@@ -299,9 +299,23 @@ def form_of(where: str, design: Design, limits: bool, measured: str, name: str) 
     return Form(design.period, limits, measured, name)
 
 
-def named(design: Design, given: Any, plant: Block) -> Any:
-    """Return weights by the names under which the controller reads the states."""
+def named(where: str, design: Design, given: Any, plant: Block) -> Any:
+    """Return weights by the names under which the controller reads the states.
+
+    Raises
+    ------
+    InputError
+        If a matrix has a row for each of the plant's states, of which some are not fed back.
+    """
     if not isinstance(given, Mapping):
+        size, fed_back = len(np.atleast_1d(given)), {m.state for m in design.states}
+        left = [s.name for s in plant.states if s.name not in fed_back]
+        if left and size == len(plant.states) and size > len(design.names) + len(design.integral_names):
+            raise InputError(
+                f"{where}: expected weights of {', '.join(design.names)}, found {size} rows; "
+                f"{', '.join(left)} is not fed back: no output shows it, or it moves at the operating point (states=... chooses, "
+                "measured='{}_hat' reads an estimator)"
+            )
         return given
     symbols = {s.symbol: s.name for s in plant.states}
     shown = {symbols[e]: o.name for o in plant.outputs if (e := plant.output_expressions[o.name]) in symbols}

@@ -235,6 +235,10 @@ def test_an_estimate_is_read_by_the_states_name_where_an_output_has_another(step
     hold = hc.lqr(plant, {}, np.eye(2), 1.0, states=["x[0]", "x[1]"], measured="{}_hat")
     loop = hc.interconnect([plant, seen, hold], "loop")
     assert {s.name for s in loop.inputs} == {"y_ref[0]", "x_ref[1]"}
+    with pytest.raises(
+        InputError, match=r"lqr: Q: expected weights of y\[0\], found 2 rows; x\[1\] is not fed back"
+    ):
+        hc.lqr(plant, {}, np.eye(2), 1.0)
 
 
 @pytest.mark.parametrize(
