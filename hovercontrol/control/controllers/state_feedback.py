@@ -313,8 +313,8 @@ def named(where: str, design: Design, given: Any, plant: Block) -> Any:
         if left and size == len(plant.states) and size > len(design.names) + len(design.integral_names):
             raise InputError(
                 f"{where}: expected weights of {', '.join(design.names)}, found {size} rows; "
-                f"{', '.join(left)} is not fed back: no output shows it, or it moves at the operating point (states=... chooses, "
-                "measured='{}_hat' reads an estimator)"
+                f"{', '.join(left)} is not fed back: no output shows it, or it moves at the operating point "
+                "(states=... chooses, measured='{}_hat' reads an estimator)"
             )
         return given
     symbols = {s.symbol: s.name for s in plant.states}
