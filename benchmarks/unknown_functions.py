@@ -7,6 +7,10 @@ growth mu(C_s) is unknown, two experiments of 15 h, 1 % noise on all three state
 ``python -m benchmarks.unknown_functions forms [--cases 100]``: carts with a drag of one of eight forms, drawn
 at random; the probability of the likeliest form against the share that is right.
 
+``python -m benchmarks.unknown_functions experiment [--cases 10]``: carts pushed so gently that the form of
+their drag stays open; the proposed experiment (and, beside it, random pushes of the same length), then a
+diagnosis of both logs.
+
 The generators share no code with the package.
 """
 
@@ -21,6 +25,8 @@ from scipy.integrate import solve_ivp
 
 import hovercontrol as hc
 from hovercontrol.craft.models.interface import as_model
+from hovercontrol.identification.diagnose.diagnosis import Diagnosis
+from hovercontrol.identification.diagnose.experiment.proposal import Experiment
 from hovercontrol.identification.diagnose.unknown.forms import named_forms
 from hovercontrol.identification.diagnose.unknown.function import FittedFunction
 from hovercontrol.identification.diagnose.unknown.tables import tabulated, with_constants
@@ -113,6 +119,60 @@ def forms(rng: np.random.Generator) -> tuple[str, Callable[[Array], Array]]:
     return name, every[name]
 
 
+def driven(rng: np.random.Generator, t: Array, push: Array, drag: Callable[[Array], Array]) -> hc.Log:
+    """A cart that is pushed from rest, 3 mm/s of noise."""
+    v, seen, step = 0.0, list[float](), (t[1] - t[0]) / 50
+    for force in push:
+        seen.append(v)
+        for _ in range(50):
+            v = max(v + step * (force - float(drag(np.array(v)))), 0.0)
+    return hc.Log("run", t, {"v": np.array(seen) + 3e-3 * rng.normal(size=t.size), "F": push})
+
+
+def settling(cases: int) -> None:
+    """Print whether the proposed experiment, or a random one of its length, settles the form rightly."""
+    v, F = hc.Signal("v", "m/s"), hc.Signal("F", "m/s^2", lower=0.0, upper=4.0)
+    block = hc.Block("cart", [v], [F], [v], [], {"v": F.symbol - hc.unknown("drag", ["v"], "m/s^2")})
+    open_, after, lost = 0, [0, 0], 0
+    by_chance, said, seed = 0, list[float](), 0
+    while open_ < cases:
+        rng, seed = np.random.default_rng([SEED, 5000 + seed]), seed + 1
+        name, drag = forms(rng)
+        top, t = float(drag(np.array(0.5))), np.arange(0.0, 15.0, 0.1)
+        first = driven(rng, t, np.repeat(rng.uniform(0.0, top, 15), 10), drag)
+
+        def fly(e: Experiment) -> hc.Log:
+            said.append(e.sure)
+            return driven(rng, e.time, e.commands["F"], drag)  # noqa: B023
+
+        try:
+            found = hc.experiment(block, [first], fly=fly, flights=2, names=[])
+        except hc.InputError as error:
+            print(f"{name}: refused: {error}", flush=True)
+            continue
+        if found.diagnoses[0].verdict != "ambiguous":
+            continue
+        open_ += 1
+        right = [_settled(d, name) for d in found.diagnoses]
+        after[0] += any(right[1:2])
+        after[1] += any(right[1:])
+        lost += not found.experiments
+        chance = False
+        if found.experiments:
+            e = found.experiments[0]
+            push = np.repeat(rng.uniform(0.0, top, e.time.size // 10 + 1), 10)[: e.time.size]
+            chance = _settled(hc.diagnose(block, [first, driven(rng, e.time, push, drag)], names=[]), name)
+        by_chance += chance
+        length = f", {found.experiments[0].time[-1]:.3g} s" if found.experiments else ""
+        print(f"{name}: settled rightly after each: {right}{length}; by chance: {chance}", flush=True)
+    print(f"{open_} open: settled rightly by one {after[0]}, by two {after[1]}, by random pushes {by_chance}")
+    print(f"without a proposal {lost}; said to be sure {np.mean(said):.0%}")
+
+
+def _settled(found: Diagnosis, name: str) -> bool:
+    return found.verdict == "none" and found.functions[0].forms[0].name.removeprefix("signed ") == name
+
+
 def cart_log(rng: np.random.Generator, drag: Callable[[Array], Array], seconds: int = 20) -> hc.Log:
     """A cart pushed forward by forces that change each second, 10 rows a second, 0.5 to 4 % noise."""
     top = float(drag(np.array(rng.uniform(0.8, 1.8))))
@@ -169,14 +229,16 @@ def calibration(cases: int) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("what", choices=["bioreactor", "forms"])
+    parser.add_argument("what", choices=["bioreactor", "forms", "experiment"])
     parser.add_argument("--seeds", type=int, default=5)
-    parser.add_argument("--cases", type=int, default=100)
+    parser.add_argument("--cases", type=int, default=0, help="default: 100 of forms, 10 of experiment")
     options = parser.parse_args()
     if options.what == "bioreactor":
         bioreactor(options.seeds)
+    elif options.what == "experiment":
+        settling(options.cases or 10)
     else:
-        calibration(options.cases)
+        calibration(options.cases or 100)
 
 
 if __name__ == "__main__":

@@ -25,6 +25,7 @@ from hovercontrol.craft.models.interface import AnyModel, as_model
 from hovercontrol.fmi.replay.plant import FmuPlant
 from hovercontrol.identification.check.facts import Column, LogFacts, Timing, facts
 from hovercontrol.identification.diagnose.checks import check_fitted, check_logs, slow_rows
+from hovercontrol.identification.diagnose.unknown.tables import with_constants
 from hovercontrol.identification.engine.measure import angles
 from hovercontrol.identification.engine.subject import Subject, structure, with_known_period
 from hovercontrol.identification.identify import identify
@@ -228,8 +229,8 @@ def check(
     fmu = model if isinstance(model, FmuPlant) else None
     if isinstance(model, FmuPlant):
         model = BlockModel(model.reading)  # its signals: all that the comparison of logs needs
-    elif model is not None:
-        model = as_model(model)
+    given = None if model is None else as_model(model)
+    model = None if given is None else with_constants(given)  # of unknown functions nothing is needed here
     block = structure(model) if model is not None else None
     errors, warnings = list(unread), list[str]()
     found = []
@@ -243,14 +244,14 @@ def check(
             _collect(partial(check_logs, model, [log]), errors, warnings)
             errors += slow_rows(model, log)
     tried: Trial = ((), (), ())
-    if model is not None and not errors:
+    if given is not None and model is not None and not errors:
         report(0.4, "comparing the logs")
         if len(logs) > 1:
             _collect(lambda: check_logs(model, logs), errors, warnings)
         if not errors:
             report(0.5, "a trial fit")
             tried = (
-                _shown(model, logs, fixed, errors, warnings, report)
+                _shown(given, logs, fixed, errors, warnings, report)
                 if fmu is None
                 else _shown_of_fmu(fmu, logs, errors, warnings, report)
             )
