@@ -74,7 +74,7 @@ class ProposalCriteria:
 PROPOSAL = ProposalCriteria()
 
 #: Fractions of the manoeuvres that are tried in turn until one is sure enough, and most rivals considered.
-LENGTHS, RIVALS = (1 / 16, 1 / 4, 1.0), 3
+LENGTHS, RIVALS = (1 / 16, 1 / 4, 1.0), 8
 
 #: Ranges of channels, by name.
 Box: TypeAlias = Mapping[str, tuple[float, float]]
