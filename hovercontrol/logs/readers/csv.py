@@ -76,7 +76,7 @@ class CsvSource:
         }
         if not self.units:
             self.header, self.units = without_units(self.header)
-            named = "units in the names of columns" if self.units else ""
+            named = "units taken from column names" if self.units else ""
             self.said = ", ".join(filter(None, [self.said, named]))
         self._worded = self._units_of_cells()
         if self._worded:

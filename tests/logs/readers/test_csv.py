@@ -91,7 +91,7 @@ def test_units_in_the_names_of_columns_are_used(tmp_path: Path) -> None:
     assert np.allclose(log["x"], [0.0015, 0.003]) and np.allclose(log["psi"], [np.pi / 20, np.pi / 10])
     assert log["thrust"].tolist() == [2.0, 3.0] and log["xyz[1]"].tolist() == [7.0, 8.0]
     assert log["y [m]"].tolist() == [1.0, 2.0] and log["y [mm]"].tolist() == [1000.0, 2000.0]
-    assert any("units in the names of columns" in note for note in log.notes)
+    assert any("units taken from column names" in note for note in log.notes)
     (tmp_path / "b.csv").write_text("t [\u03bcs],x\n0,1\n100,2\n", encoding="utf-8")  # Greek mu
     assert np.allclose(read_log(tmp_path / "b.csv", {"time": "t"}).time, [0.0, 1e-4])
     assert np.allclose(read_log(tmp_path / "a.csv", {"time": "Zeit", "x": "x:cm"})["x"], [0.015, 0.03])
