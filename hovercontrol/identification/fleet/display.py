@@ -41,7 +41,7 @@ def sentences(fleet: Fleet) -> Iterator[str]:
     """Yield the findings, one line each."""
     good = len(fleet.results) - len(fleet.refused)
     yield f"{good} of {len(fleet.results)} logs of {len(fleet.craft)} craft used; model {fleet.model.name}"
-    yield from (_common(c, len(fleet.craft)) for c in fleet.common)
+    yield from map(_common, fleet.common)
     yield from _left(fleet)
     found = [*_faults(fleet), *_off(fleet), *_changes(fleet), *_few(fleet)]
     yield from found
@@ -53,12 +53,12 @@ def sentences(fleet: Fleet) -> Iterator[str]:
     yield from _clocks(fleet)
 
 
-def _common(c: Common, craft: int) -> str:
+def _common(c: Common) -> str:
     at = c.equation
     (before, _, unit), (after, _, _) = c.before[at], c.after.get(at, c.before[at])
     rivals = f"; {', '.join(c.rivals)} less likely" if c.rivals else ""
     return (
-        f"the model lacks {c.name}, in {c.craft} of {craft} craft: with it the missing acceleration in {at} "
+        f"the model lacks {c.name}, in {c.craft} of {c.of} craft: with it the missing acceleration in {at} "
         f"falls from {before:.2g} to {after:.2g} {unit}, {percent(c.taken)} of its mean square{rivals}"
     )
 
@@ -112,12 +112,13 @@ def _change(t: Trend, unit: str) -> str:
 
 def _few(fleet: Fleet) -> Iterator[str]:
     """Yield what differs between craft that are too few to judge one by the others."""
-    for c in fleet.coefficients:
-        if c.q_differ <= LEVEL and not np.isfinite(c.q).any() and len(c.craft) <= FEW:
-            each = ", ".join(
-                f"{n} {_pm(v, s)}" for n, v, s in zip(c.craft, c.of.own, c.of.own_std, strict=True)
-            )
-            yield f"{c.name} differs between craft: {each} {c.unit}"
+    few = [c for c in fleet.coefficients if 1 < len(c.craft) <= FEW and not np.isfinite(c.q).any()]
+    differ = [c for c in few if c.q_differ <= LEVEL]
+    for c in differ:
+        each = ", ".join(f"{n} {_pm(v, s)}" for n, v, s in zip(c.craft, c.of.own, c.of.own_std, strict=True))
+        yield f"{c.name} differs between craft: {each} {c.unit}"
+    if few and not differ:
+        yield f"no coefficient differs between the {len(fleet.craft)} craft by more than logs of one craft do"
 
 
 def _every(fleet: Fleet) -> Iterator[str]:
@@ -179,7 +180,7 @@ def body(fleet: Fleet) -> list[str]:
     off = sorted({*(n for c in fleet.coefficients for n in (*c.off, *c.trends)), *_with_fault(fleet)})
     head = f"{len(off)} of {len(fleet.craft)} craft to look at" if off else "No craft stands out"
     used = f"{good} of {len(fleet.results)} logs used · model {escape(fleet.model.name)}"
-    common = [_common(c, len(fleet.craft)) for c in fleet.common] or ["nothing beyond noise in most craft"]
+    common = [*map(_common, fleet.common)] or ["nothing beyond noise in most craft"]
     common += _left(fleet)
     own = [*_faults(fleet), *_off(fleet), *_changes(fleet), *_few(fleet)] or ["none"]
     return [

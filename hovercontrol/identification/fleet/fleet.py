@@ -20,6 +20,7 @@ from hovercontrol.craft.models.interface import AnyModel, as_model
 from hovercontrol.identification.engine.subject import Subject, named
 from hovercontrol.identification.fleet.findings import (
     Coefficient,
+    by_craft,
     coefficients,
     common,
     lacking,
@@ -43,8 +44,8 @@ class Common:
     Attributes
     ----------
     name : str
-    craft : int
-        Number of craft that lack it.
+    craft, of : int
+        Number of craft that lack it, and of all.
     before, after : mapping
         For each equation the missing acceleration of all logs, that seen, and their unit.
     rivals : tuple of str
@@ -53,6 +54,7 @@ class Common:
 
     name: str
     craft: int
+    of: int
     before: Mapping[str, tuple[float, float, str]]
     after: Mapping[str, tuple[float, float, str]]
     rivals: tuple[str, ...]
@@ -314,10 +316,10 @@ class _Crew:
             best, rivals = self._likeliest(work, found, names)
             if best is None:
                 break
-            craft = len(lacking(list(found.values()))[best.added[-1]])
-            before = left(list(found.values()))
+            every = list(found.values())
+            craft, of, before = len(lacking(every)[best.added[-1]]), len(by_craft(every)), left(every)
             work, found = best, self.work(list(found), best, f"identifying with {best.added[-1]}")
-            added.append(Common(best.added[-1], craft, before, left(list(found.values())), rivals))
+            added.append(Common(best.added[-1], craft, of, before, left(list(found.values())), rivals))
         return work, found, added
 
     def _likeliest(

@@ -79,7 +79,8 @@ def summary(fleet: Fleet) -> dict[str, Any]:
         "craft": fleet.craft,
         "findings": fleet.text().splitlines(),
         "common": [
-            {"name": c.name, "craft": c.craft, "taken": c.taken, "rivals": c.rivals} for c in fleet.common
+            {"name": c.name, "craft": c.craft, "of": c.of, "taken": c.taken, "rivals": c.rivals}
+            for c in fleet.common
         ],
         "faults": {
             craft: {k: f.get(k) for k in ("verdict", "effects", "logs", "refused")}

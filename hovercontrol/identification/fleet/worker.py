@@ -82,9 +82,7 @@ def _identified(work: Work, paths: Sequence[str]) -> dict[str, Any]:
     units = {s.name: s.unit for s in (*block.inputs, *block.states, *block.outputs)}
     seen = facts(log, [s.name for s in block.inputs], units, craft=work.model.is_craft, angles=angles(block))
     notes = [*seen.remarks, *check_logs(work.model, [log])]
-    free = [n for n in work.model.free_coefficients() if n.rpartition(".")[2] not in work.fixed]
-    more = [e.parameter(k) for e in work.model.effects if e.name in work.added for k in e.numbers]
-    found = identify(work.model, [log], list(dict.fromkeys([*free, *more])), fixed=work.fixed)
+    found = identify(work.model, [log], estimated(work), fixed=work.fixed)
     notes += [line for line in check_fitted(found.fit) if "is not excited by these logs" not in line]
     notes += [line for line in (found.misfit, found.not_converged) if line]
     return {
@@ -100,6 +98,14 @@ def _identified(work: Work, paths: Sequence[str]) -> dict[str, Any]:
         "cost": _cost(found),
         "notes": notes,
     }
+
+
+def estimated(work: Work) -> list[str]:
+    """Return what is estimated: the model's coefficients, and the numbers of added effects but fixed ones."""
+    free = [n for n in work.model.free_coefficients() if n.rpartition(".")[2] not in work.fixed]
+    added = [e for e in work.model.effects if e.name in work.added]
+    more = [e.parameter(k) for e in added for k, n in e.numbers.items() if not getattr(n, "fixed", False)]
+    return list(dict.fromkeys([*free, *more]))
 
 
 def _cost(found: Identified) -> float:

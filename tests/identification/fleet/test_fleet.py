@@ -15,6 +15,8 @@ from benchmarks.fleet import start, workers_of
 from benchmarks.fleet_logs import fleet as drawn
 from benchmarks.fleet_logs import write, write_carts
 from hovercontrol.identification.fleet import fleet
+from hovercontrol.identification.fleet.worker import Work, estimated
+from hovercontrol.logs.reader import Reader
 
 V, K, F = hc.Signal("v", "m/s"), hc.Signal("k", "1/s", start=1.0), hc.Signal("f", "m/s^2")
 CART = hc.Block("cart", [V], [F], [V], [K], {"v": F.symbol - K.symbol * V.symbol})
@@ -91,6 +93,16 @@ def test_what_cannot_be_is_refused_in_one_line(carts, tmp_path, options, line):
         pytest.importorskip("distributed")
     with pytest.raises(hc.InputError, match=line):
         fleet(CART, given.pop("logs"), **given)
+
+
+def test_the_numbers_of_an_added_effect_are_estimated_and_its_smoothing_is_not():
+    """The time constant `tau` of a rate limit is a number of the simulation."""
+    limit = hc.effect("thrust_rate_limit", limit=0.15)
+    model = hc.vehicle("c17_simulation").with_effects([limit])
+    work = Work("identify", ("a.csv",), model, Reader(), added=("thrust_rate_limit",), fixed=("thrust",))
+    names = estimated(work)
+    assert "thrust_rate_limit_limit" in names and "thrust_rate_limit_tau" not in names
+    assert "rudder_torque" in names and "thrust" not in names
 
 
 # ---- processes ------------------------------------------------------------------------------------------
