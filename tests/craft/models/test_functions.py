@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import hovercontrol as hc
-from hovercontrol.craft.models.functions import FORMS, FormFunction, TableFunction, unknowns_of
+from hovercontrol.craft.models.forms import FORMS
+from hovercontrol.craft.models.functions import FormFunction, TableFunction, unknowns_of
 
 V = hc.Signal("v", "m/s")
 CART = hc.Block("cart", [V], [], [V], [], {"v": -hc.unknown("drag", of=["v"], unit="m/s^2")})

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 import hovercontrol as hc
-from hovercontrol.craft.models.functions import FORMS, FormFunction, Unknown
+from hovercontrol.craft.models.forms import FORMS
+from hovercontrol.craft.models.functions import FormFunction, Unknown
 from hovercontrol.identification.diagnose.unknown.forms import nearest_forms
 
 V, F = hc.Signal("v", "m/s"), hc.Signal("F", "m/s^2")

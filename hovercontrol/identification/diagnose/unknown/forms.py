@@ -19,7 +19,8 @@ from scipy.stats import chi2
 from hovercontrol.base.arrays import Array
 from hovercontrol.craft.effects.law import LEVELS
 from hovercontrol.craft.models.blockmodel import BlockModel
-from hovercontrol.craft.models.functions import FORMS, FormFunction, TableFunction, Unknown, bounds
+from hovercontrol.craft.models.forms import FORMS, bounds
+from hovercontrol.craft.models.functions import FormFunction, TableFunction, Unknown
 from hovercontrol.identification.diagnose.criteria import CRITERIA
 from hovercontrol.identification.diagnose.unknown.function import FittedFunction, Form
 from hovercontrol.identification.diagnose.unknown.tables import (
