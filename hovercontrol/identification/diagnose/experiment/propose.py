@@ -368,7 +368,8 @@ def _family(fit: Fit, search: Search) -> Sequence[Manoeuvre]:
     every = np.concatenate([m.inputs for m in logs], axis=1)
     limits = {s.name: reach(s, row) for s, row in zip(inputs, every, strict=True)}
     tempo = fit.problem.tempo
-    step = max(float(np.median(np.diff(logs[0].time))), PROPOSAL.tick * tempo)
+    usual = max(float(np.median(np.diff(logs[0].time))), PROPOSAL.tick * tempo)
+    step = fit.problem.period or usual  # a sampled model's predictions have a row for each tick
     return family(limits, step, search.seed, tempo, search.drawn)
 
 

@@ -18,7 +18,14 @@ from hovercontrol.identification.diagnose.search.confirm import (
     confirmed,
     lead_of,
 )
-from hovercontrol.identification.diagnose.search.fit import TRIALS, Search, Tried, try_effect, with_times
+from hovercontrol.identification.diagnose.search.fit import (
+    TRIALS,
+    Search,
+    Tried,
+    beside,
+    try_effect,
+    with_times,
+)
 from hovercontrol.identification.diagnose.search.leads import ASKED_FOR, Lead
 from hovercontrol.identification.diagnose.search.rules import candidate_count, is_redundant, passes_all_tests
 from hovercontrol.identification.diagnose.search.score import Scored, Scores
@@ -119,16 +126,18 @@ def _rivals(
     alternatives: list[tuple[str, Tried]] = []
     for name, mine in now.own.items():
         less = now.without[name]
-        for e, s in _contenders(search, less, mine):
+        for e, s, level in _contenders(search, less, mine):
             if mine.effect.twin(s.candidate.trial):
                 rivals.append(Rival(s.candidate.name, name, 0.0, 0.0, mine.fit, True))
                 continue
             t = search.once(less, e, s)
+            if t is not None and level:
+                t = beside(alike(search, t, mine).fit, less, t.name)
             if t is None or not passes_all_tests(
                 search, t, candidate_count(search, t, [mine], selection.candidates)
             ):
                 continue
-            t = alike(search, t, mine)
+            t = t if level else alike(search, t, mine)
             if _only_imitates(t, mine, criteria.chance) or is_redundant(t, mine, criteria):
                 continue
             behind, score = _cost(search, t.fit) - _cost(search, mine.fit), surely(t.fit, mine.fit)
@@ -141,8 +150,10 @@ def _rivals(
     return rivals, alternatives
 
 
-def _contenders(search: Search, less: Fit, named: Tried) -> list[tuple[Effect, Scored]]:
+def _contenders(search: Search, less: Fit, named: Tried) -> list[tuple[Effect, Scored, bool]]:
     """Return the effects that may fit as well in place of a named one, each as its fit begins.
+
+    The last of each says whether it was as likely where the named one was added.
 
     First those that are the same in every log, which need no fit. Then those that were as likely where the
     named one was added: beside what has been dropped since, they may promise little. Then the candidates by
@@ -162,7 +173,11 @@ def _contenders(search: Search, less: Fit, named: Tried) -> list[tuple[Effect, S
     }
     good = [one.members[0] for name, one in others.items() if one.gain > asked and name not in level]
     good = [s for s in good if s not in same][: criteria.tries]
-    return [*((s.effect, s) for s in same), *level.values(), *((s.effect, s) for s in good)]
+    return [
+        *((s.effect, s, False) for s in same),
+        *((*own, True) for own in level.values()),
+        *((s.effect, s, False) for s in good),
+    ]
 
 
 def alike(search: Search, t: Tried, other: Tried) -> Tried:
