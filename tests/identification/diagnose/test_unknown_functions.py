@@ -38,7 +38,7 @@ def test_identify_gives_it_as_a_table_with_errors() -> None:
     (drag,) = found.functions
     truth = 2.0 * drag.grid / (0.6 + drag.grid)
     assert np.abs(drag.values - truth).max() < 0.02
-    assert np.mean(np.abs(drag.values - truth) < 2.0 * drag.std) >= 0.75
+    assert np.all(np.abs(drag.values - truth) < 3.5 * drag.std)  # of ten normal errors: 1 in 200 fails
     assert "v [m/s]" in found.table() and len(drag.plot().axes) == 1
     at = float(drag.grid[3])
     assert found.block.to_numpy().derivatives(0.0, [at], [0.0])[0] == pytest.approx(-drag.values[3])
