@@ -81,8 +81,8 @@ def held_out(
     instead = _better(found, criteria)
     if instead is not None:
         other = _on(_with_other(selection, *instead, _held(data)), before)
-        own = other.evidence.get(instead[1].name)
-        if own and _mean(own.holdout) > criteria.better:
+        replacement = other.evidence.get(instead[1].name)
+        if replacement and _mean(replacement.holdout) > criteria.better:
             found = other
     while found.selection.effects:
         rows = _rows(found, criteria)
