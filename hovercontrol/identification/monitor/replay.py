@@ -18,6 +18,7 @@ from hovercontrol.base.plain_json import json_text, plain
 from hovercontrol.base.pyplot import open_in_pyplot
 from hovercontrol.base.tables import positive
 from hovercontrol.blocks.block import Block
+from hovercontrol.identification.engine.measure import steps
 from hovercontrol.identification.monitor.alarms import Alarm, Alarms
 from hovercontrol.identification.monitor.feed import Feed, Tick, candidates_in, parameter_of
 from hovercontrol.identification.monitor.notes import Note
@@ -25,6 +26,10 @@ from hovercontrol.logs.log import Log
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+
+#: Variance of rounding from which on it is told, as a part of that of the noise: evidence is 10 % larger.
+ROUNDED = 0.1
 
 
 @checked
@@ -265,7 +270,25 @@ def replay(
         list(alarms.end(ticks[-1].time))
     report(1.0, "done")
     lines = [*notes, *(f"{log.name}: {note.text}" for note in faults if note.rows < 2)]
+    lines += [f"{log.name}: {line}" for line in _understated(watch, log, feed.measured)]
     return _replayed(watch, log.name, feed, alarms, ticks, lines)
+
+
+def _understated(watch: Block, log: Log, channels: Sequence[str]) -> Iterator[str]:
+    """Give a line for each channel whose rounding adds to the noise that the monitor knows.
+
+    Values rounded to q have the additional variance ``q^2/12``.
+    """
+    for name in channels:
+        apart = steps(log[name][np.isfinite(log[name])])
+        q, known = float(apart.min(initial=math.inf)), parameter_of(watch, f"measurement_noise_{name}")
+        if math.isfinite(q) and q**2 / 12.0 > ROUNDED * known**2:
+            unit = watch.signal(name).unit
+            yield (
+                f"{name} is rounded to {q:.3g} {unit}, so its noise is "
+                f"{math.sqrt(known**2 + q**2 / 12.0):.2g} {unit} and not {known:.2g} {unit} as the monitor "
+                "takes it: more false alarms than asked for"
+            )
 
 
 def events(feed: Feed, alarms: Alarms, one: Tick | Note) -> Iterator[tuple[str, Alarm]]:

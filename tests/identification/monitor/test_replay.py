@@ -194,3 +194,12 @@ def test_what_is_no_monitor_or_lacks_a_column_is_one_line(watch):
 def test_a_log_that_ends_before_the_tests_begin_is_refused(watch):
     with pytest.raises(InputError, match=r"lasts 1\.9 s: the tests begin 2 s after the start"):
         hc.replay(watch, log(2.0))
+
+
+def test_values_that_are_rounded_more_than_their_noise_allows_are_told(watch):
+    """Rounding to q adds the variance q^2/12: (0.01^2 + 0.05^2/12)^(1/2) = 0.0176."""
+    run = log(10.0)
+    rounded = {q: changed(run, p=q * np.round(run["p"] / q)) for q in (0.05, 0.01)}
+    said = hc.replay(watch, rounded[0.05]).text()
+    assert "p is rounded to 0.05 m, so its noise is 0.018 m and not 0.01 m" in said
+    assert "rounded" not in hc.replay(watch, rounded[0.01]).text() + hc.replay(watch, run).text()
