@@ -53,7 +53,7 @@ TOOLS: dict[str, Tool] = {
     "ecospy": Tool(("ecospy", "tbb"), again=TWICE[:1]),
     "fmuloader": Tool(("fmuloader",), again=TWICE),
     "cofmupy": Tool(("cofmupy",)),
-    "fmu-manipulation-toolbox": Tool(("fmu-manipulation-toolbox", "fmpy"), again=TWICE),
+    "fmu-manipulation-toolbox": Tool(("fmu-manipulation-toolbox", "fmpy"), again=TWICE[:1]),
     "gemseo-fmu": Tool(("gemseo-fmu",), BOTH, TWICE[:1]),
     "fmugym": Tool(("fmugym",), again=TWICE[:1]),
     "pyssp-standard": Tool(("pyssp-standard",), ()),
@@ -400,7 +400,7 @@ their file has none. cofmupy gives the outputs of the next step.
     """
 ## Other tools' FMUs here
 
-`load` is compared with a closed form, with SciPy or with FMPy. The logs of `identify` and `diagnose` have
+`load` is compared with a closed form or with FMPy. The logs of `identify` and `diagnose` have
 k = 1.4 and a bias of 0.2 of the sensor.
 """,
     """
