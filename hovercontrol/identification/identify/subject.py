@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from hovercontrol.base.errors import InputError
 from hovercontrol.craft.models.interface import AnyModel, as_model
-from hovercontrol.identification.engine.subject import named
+from hovercontrol.identification.engine.subject import named, same_widths, unknowns
 
 
 def chosen(
@@ -33,6 +33,10 @@ def chosen(
     subject = as_model(model)
     kept = named(subject, fixed)
     found = subject.free_coefficients() if names is None else named(subject, names)
+    told = {*unknowns(subject), *same_widths(subject)}
+    for name in found:
+        if name not in told:
+            raise InputError(f"{name!r} is a constant of its effect, which logs do not tell: leave it out")
     both = [name for name in found if name in kept] if names is not None else []
     if both:
         raise InputError(f"coefficient {both[0]!r} is to be fitted and fixed")

@@ -152,3 +152,10 @@ def test_equations_that_are_not_defined_along_the_logs_are_said_in_one_line():
     for call in (hc.identify, hc.diagnose):
         with pytest.raises(InputError, match=r"'tank'.* not defined along the logs"):
             call(tank, [log])
+
+
+def test_a_constant_of_an_effect_is_not_fitted():
+    craft = hc.vehicle("c17_simulation")
+    limited = craft.with_effects([craft.effect_class("thrust_rate_limit").small()])
+    with pytest.raises(InputError, match="'thrust_rate_limit_tau' is a constant of its effect"):
+        hc.identify(limited, [], ["thrust_rate_limit_tau"])
