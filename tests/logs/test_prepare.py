@@ -13,7 +13,7 @@ from hovercontrol.identification.identify import identify
 from hovercontrol.logs import Log, join_logs
 from hovercontrol.logs.log import Trial
 from hovercontrol.logs.prepare import prepared
-from tests.logs.test_held import COMMANDS, LOG, POSE
+from tests.logs.test_repeated_samples import COMMANDS, LOG, POSE
 
 NAN = float("nan")
 
