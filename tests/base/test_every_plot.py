@@ -27,6 +27,7 @@ from hovercontrol.craft.hardware.calibration import fit_rudder, thrust_table_fro
 from hovercontrol.craft.hardware.links import MeasuredDelays
 from hovercontrol.documents.scenarios.budget import Budget, Cost
 from hovercontrol.documents.scenarios.machine import run_machine
+from hovercontrol.identification.diagnose.unknown.function import FittedFunction
 from hovercontrol.identification.identify import free_run
 from hovercontrol.logs import BenchTable, Log, smooth_pose
 
@@ -121,6 +122,8 @@ def residuals():
     return hc.identify(block, [Log("decay", T, {"v": seen, "a": 0.0 * T})]).residuals(lags=3)
 
 
+TABLE = np.array([0.0, 1.0, 2.0]), np.array([0.0, 0.5, 0.7]), np.array([0.01, 0.02, 0.02])
+
 #: How each is made, and the class whose plot draws it.
 QUICK = {
     "run": ("Response", lambda: hc.simulate(CRAFT.plant(), T, GIVEN)),
@@ -173,6 +176,7 @@ QUICK = {
         lambda: margins_along(loop(), "a", hc.simulate(hc.interconnect(loop()), [0.0, 0.5, 1.0])),
     ),
     "budget": ("Budget", budget),
+    "unknown function": ("FittedFunction", lambda: FittedFunction("mu", "C_s", "1/s", "g/L", *TABLE)),
 }
 SLOW = {
     "residuals": ("Residuals", residuals),

@@ -316,7 +316,6 @@ def test_what_cannot_remember_says_so():
         lambda: lag().to_numpy().derivatives(0.0, [0.0], [0.0]),
         lambda: compiled.derivatives(0.0, [0.0], [0.0]),
         lambda: compiled.advance(0.0, 0.1, [0.0], [0.0]),
-        lambda: BlockModel(lag(), ["input_delay"]),
         lambda: regression(lag()),
     ):
         with pytest.raises(InputError, match=r"'push' acts with a delay.*undelayed") as caught:

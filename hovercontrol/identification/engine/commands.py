@@ -148,7 +148,8 @@ def command_times(log: Measured) -> tuple[Array, Array]:
 def by_trial(log: Measured, time: Array) -> tuple[Array, Array]:
     """Return times and commands of a log, shapes (m,) and (n_inputs, m); zero in pauses between trials.
 
-    A log that begins in motion has its first commands for as long before as it lasts.
+    A trial that begins in motion has its first commands in the pause before it, the first one for as long as
+    the log lasts.
 
     Parameters
     ----------
@@ -160,8 +161,9 @@ def by_trial(log: Measured, time: Array) -> tuple[Array, Array]:
     times, inputs = time, log.inputs
     if pauses:
         ends = time[[start - 1 for start in pauses]] + usual
-        times, inputs = np.insert(time, pauses, ends), np.insert(inputs, pauses, 0.0, axis=1)
-    if log.moving:
+        held = inputs[:, pauses] * np.isin(pauses, log.moving)
+        times, inputs = np.insert(time, pauses, ends), np.insert(inputs, pauses, held, axis=1)
+    if 0 in log.moving:
         begin = 2.0 * time[0] - time[-1]
         times, inputs = np.insert(times, 0, begin), np.insert(inputs, 0, inputs[:, 0], axis=1)
     return times, inputs

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,8 +31,8 @@ REACH = 3
 #: Length in rows of the median filter of the first guess of a measured state. It removes single outliers.
 DESPIKE = 5
 
-#: A log begins in motion if a speed is there beyond this part of its root mean square. Then the samples of so
-#: many seconds are left out (the longest delay that is tried), at most this part of the log.
+#: A trial begins in motion if a speed is there beyond this part of its root mean square. Then the samples of
+#: so many seconds are left out (the longest delay that is tried), at most this part of the trial.
 REST, SETTLED, SHARE = 0.2, 0.15, 0.05
 
 
@@ -116,21 +117,22 @@ def gather(model: Subject, logs: Sequence[Log | Measured]) -> Data:
 
 
 def _settled(model: Subject, block: Block, log: Measured, tempo: float) -> Measured:
-    """Return a log without the samples that commands from before it may have moved, if it begins in motion.
+    """Return a log without the samples that commands from before it may have moved.
 
-    It does if any state on which forces act is there beyond :data:`REST` of its root mean square. A log that
-    begins at rest had no commands before.
+    These are the first ones of each trial that begins in motion: any state on which forces act is there
+    beyond :data:`REST` of its root mean square. A trial that begins at rest had no commands before.
     """
     own = {s.symbol for s in (*block.parameters, *block.inputs)}
-    guess = _guess(block, log)
+    guess, values, moving = _guess(block, log), log.values.copy(), list[int]()
     speeds = [
         guess[n] for n in model.motion if n in guess and block.expand(block.derivatives[n]).free_symbols & own
     ]
-    if not any(abs(v[0]) > REST * float(np.sqrt(np.mean(v**2))) for v in speeds):
-        return log
-    end = min(SETTLED * tempo, SHARE * float(log.time[-1] - log.time[0]))
-    values = np.where(log.time < log.time[0] + end, np.nan, log.values)
-    return replace(log, moving=True, values=values)
+    for first, stop in pairwise([0, *log.starts, log.time.size] if block.inputs else []):
+        if any(abs(v[first]) > REST * float(np.sqrt(np.mean(v**2))) for v in speeds):
+            time = log.time[first:stop] - log.time[first]
+            values[:, first:stop][:, time < min(SETTLED * tempo, SHARE * float(time[-1]))] = np.nan
+            moving.append(first)
+    return replace(log, moving=tuple(moving), values=values) if moving else log
 
 
 def _guess(block: Block, log: Measured) -> dict[str, Array]:

@@ -82,8 +82,8 @@ class Measured:
         Number of rows of the log, before a very long one was cut.
     starts : tuple of int
         First row of each trial except the first. The rows before it tell nothing about the states.
-    moving : bool
-        Whether the log begins in motion, so that commands were given before it (:func:`.gather`).
+    moving : tuple of int
+        First row of each trial that begins in motion, so that commands were given before (:func:`.gather`).
 
     Examples
     --------
@@ -109,7 +109,7 @@ class Measured:
     rejected: tuple[Span, ...]
     rows_total: int
     starts: tuple[int, ...] = field(default=(), kw_only=True)
-    moving: bool = field(default=False, kw_only=True)
+    moving: tuple[int, ...] = field(default=(), kw_only=True)
 
     __repr__ = short_repr
 

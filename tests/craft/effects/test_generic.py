@@ -126,7 +126,7 @@ def test_what_an_output_may_lack():
     assert [s.name for s in block.outputs] == ["q", "q_measured"]
     assert block.to_numpy().outputs(0.0, [Q, V], [A])[1] == pytest.approx(1.02 * Q + 0.1)
     late = model.with_effects([effect("time_offset", seconds=0.1), effect("input_delay", seconds=0.2)])
-    assert late.timing() == ("drive.input_delay_seconds", "drive.time_offset_seconds")
+    assert late.timing() == ("drive.input_delay_seconds", "drive.time_offset_seconds", "")
 
 
 def test_pure_kinematics_is_not_amended():
