@@ -92,7 +92,9 @@ def test_commands_of_a_trial_do_not_lag_into_the_next(tmp_path):
         BlockModel(TROLLEY), gather(BlockModel(TROLLEY), [read(write(tmp_path / "a.csv", None))])
     )
     before = np.array([20.0 * k - 1.0 for k in range(1, TRIALS)])
-    assert not problem.inputs.at([], before, np.zeros(before.size, dtype=int)).any()
+    # each trial begins in motion: in the pause before it its own first command is held, not the last one's
+    (acting,) = problem.inputs.at([], before, np.zeros(before.size, dtype=int))
+    np.testing.assert_allclose(acting, [part[2][0] for part in PARTS[1:]], atol=1e-6)
 
 
 def test_rows_that_belong_to_no_trial_are_left_out(tmp_path):
