@@ -383,6 +383,8 @@ class Scan:
                 for high in np.clip(local.high - steps, least, most).tolist()
                 if high - low > 0.1 * wide
             ]
+            if not ends:  # the signal ends within the table: it has no room to move
+                break
             tables = [(local.by, local.of, _table_hats(local.kind, a, *one)) for one in ends]
             gains = [self._gain(G, f, ridge) for _, G, f in self._products(tables)]
             low, high = ends[int(np.argmax(gains))]
