@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import io
-import subprocess
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -12,11 +9,9 @@ from typing import Any
 import numpy as np
 
 from hovercontrol.base.errors import InputError
-from hovercontrol.logs.readers import c3d_process
-from hovercontrol.logs.readers.tables import Table, Tables, faults, library, unit_or_none
-
-PATIENCE = 30.0
-"""Time [s] for reading a file, and for each 10 MB of it."""
+from hovercontrol.logs.readers import c3d_script
+from hovercontrol.logs.readers.apart import read_apart
+from hovercontrol.logs.readers.tables import Table, Tables, faults, unit_or_none
 
 
 def c3d(file: Path) -> Tables:
@@ -27,35 +22,17 @@ def c3d(file: Path) -> Tables:
     InputError
         If ezc3d is missing, or the file is damaged or holds neither points nor analog channels.
     """
-    library(file, "ezc3d", "C3D files", "logs-all")
     with faults(file, "C3D"):
-        found = _contents(file)
+        about, arrays = read_apart(file, c3d_script, "ezc3d", "C3D files")
+        found = {**about, **arrays}
         tables = [table for table in (_points(file, found), _analog(file, found)) if table]
     if not tables:
         raise InputError(f"{file}: a C3D file without points and analog channels")
     return Tables(file, tables)
 
 
-def _contents(file: Path) -> dict[str, Any]:
-    """Return the contents of a file, read in a process of its own."""
-    command = [sys.executable, str(c3d_process.__file__), str(file)]
-    try:
-        done = subprocess.run(
-            command, capture_output=True, timeout=PATIENCE * (1.0 + file.stat().st_size / 1e7), check=False
-        )
-    except subprocess.TimeoutExpired as late:
-        raise ValueError(f"ezc3d did not end within {late.timeout:.0f} s") from None
-    if done.returncode < 0:
-        raise ValueError(f"ezc3d was ended by signal {-done.returncode}")
-    if done.returncode:
-        lines = done.stderr.decode(errors="replace").strip().splitlines()
-        raise ValueError(lines[-1] if lines else f"ezc3d ended with status {done.returncode}")
-    with np.load(io.BytesIO(done.stdout)) as archive:
-        return {name: archive[name] for name in archive.files}
-
-
 def _points(file: Path, found: dict[str, Any]) -> Table | None:
-    points, labels = found["points"], found["labels"].tolist()
+    points, labels = found["points"], found["labels"]
     columns = {
         f"{label or f'point{k}'}.{axis}": points[a, k]
         for k, label in enumerate(labels[: points.shape[1]])
@@ -63,20 +40,20 @@ def _points(file: Path, found: dict[str, Any]) -> Table | None:
     }
     if not columns or not points.shape[2]:
         return None
-    unit = unit_or_none(next(iter(found["units"].tolist()), "mm")) or "mm"
-    rate = float(found["rate"])
+    unit = unit_or_none(next(iter(found["units"]), "mm")) or "mm"
+    rate = found["rate"]
     return _table(file, "points", "time", columns, found["first"] / rate, rate, dict.fromkeys(columns, unit))
 
 
 def _analog(file: Path, found: dict[str, Any]) -> Table | None:
-    analog, labels = found["analogs"], found["analog_labels"].tolist()
+    analog, labels = found["analogs"], found["analog_labels"]
     if analog.size == 0:
         return None
     columns = {label or f"analog{k}": analog[0, k] for k, label in enumerate(labels[: analog.shape[1]])}
-    stated = found["analog_units"].tolist()
+    stated = found["analog_units"]
     units = {name: unit for name, text in zip(columns, stated, strict=False) if (unit := unit_or_none(text))}
-    start = float(found["first"]) / float(found["rate"])
-    return _table(file, "analog", "analog/time", columns, start, float(found["analog_rate"]), units)
+    start = float(found["first"]) / found["rate"]
+    return _table(file, "analog", "analog/time", columns, start, found["analog_rate"], units)
 
 
 def _table(

@@ -209,7 +209,9 @@ def library(file: Path, module: str, what: str, extra: str = "logs", package: st
     try:
         return import_module(module)
     except ImportError as error:
-        raise InputError(
-            f"{file}: reading {what} needs {package or module.partition('.')[0]}: "
-            f'pip install ".[{extra}]" ({reason(error)})'
-        ) from None
+        raise missing_library(file, package or module.partition(".")[0], what, extra, reason(error)) from None
+
+
+def missing_library(file: Path, package: str, what: str, extra: str, why: str) -> InputError:
+    """Return the error that an optional package is missing."""
+    return InputError(f'{file}: reading {what} needs {package}: pip install ".[{extra}]" ({why})')

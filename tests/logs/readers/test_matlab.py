@@ -49,9 +49,6 @@ def test_a_timetable_is_read_with_its_times(tmp_path: Path, version: str) -> Non
 def test_a_library_that_a_file_needs_is_named(tmp_path: Path, monkeypatch) -> None:
     (tmp_path / "a.mat").write_bytes(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(512, b"\0"))
 
-    def missing(name: str, *_: object) -> None:
-        raise ImportError(f"No module named {name!r}")
-
-    monkeypatch.setattr("hovercontrol.logs.readers.tables.import_module", missing)
-    with pytest.raises(InputError, match=r'of version 7.3 needs h5py: pip install "\.\[logs-all\]"'):
+    monkeypatch.setattr("hovercontrol.logs.readers.apart.find_spec", lambda module: None)
+    with pytest.raises(InputError, match=r'of version 7.3 needs mat-io: pip install "\.\[logs-all\]"'):
         read_log(tmp_path / "a.mat")
