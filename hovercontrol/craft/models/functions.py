@@ -207,15 +207,20 @@ class FormFunction:
         """Names of its parameters that have one value: a unit of the argument, if it needs one."""
         return (f"{self.of.name}_one",) if any(t.numbers == ("n",) for t in self.terms) else ()
 
-    def columns(self, at: Array) -> Callable[[Sequence[float]], Array]:
-        """Return the terms at places as a function of the own numbers, shape (m, terms)."""
+    def columns(self, at: Array) -> Callable[[Sequence[Any]], Array]:
+        """Return the terms at m places as a function of the own numbers, shape (..., m, terms).
+
+        The numbers may be arrays of one shape (...).
+        """
         a, symbols = sp.Symbol("a", real=True), [sp.Symbol(n, real=True) for n, _ in self.own]
         c = SimpleNamespace(**{s.name: s for s in symbols})
         made = sp.lambdify([a, symbols], [t.of(a, c, sp.S.One) for t in self.terms], "numpy")
 
-        def of(numbers: Sequence[float]) -> Array:
+        def of(numbers: Sequence[Any]) -> Array:
+            own = [np.asarray(n, dtype=float)[..., None] for n in numbers]
+            shape = np.broadcast_shapes(at.shape, *(n.shape for n in own))
             with np.errstate(all="ignore"):
-                found = np.stack([np.broadcast_to(v, at.shape) for v in made(at, list(numbers))], axis=-1)
+                found = np.stack([np.broadcast_to(v, shape) for v in made(at, own)], axis=-1)
             return np.where(np.isfinite(found), found, 0.0)
 
         return of

@@ -9,7 +9,7 @@ import pytest
 import hovercontrol as hc
 from hovercontrol.craft.models.forms import FORMS
 from hovercontrol.craft.models.functions import FormFunction, Unknown
-from hovercontrol.identification.diagnose.unknown.forms import nearest_forms
+from hovercontrol.identification.diagnose.unknown.forms import nearest_forms, whitened
 
 V, F = hc.Signal("v", "m/s"), hc.Signal("F", "m/s^2")
 K, C = hc.Signal("k", "1", start=1.0), hc.Signal("c", "1/s", start=0.5)
@@ -69,7 +69,8 @@ def test_the_nearest_form_to_exact_values_is_their_own(form: str) -> None:
     of, grid = Unknown("f", "1", "1", ()), np.linspace(0.2, 8.0, 12)
     numbers = (1.5, 2.3, 0.8)[: len(FormFunction(of, form, ()).keys)]
     values = FormFunction(of, form, numbers).values(grid)
-    near = nearest_forms(of, grid, values, 1e-8 * np.eye(12), np.linspace(0.2, 8.0, 300))
+    seen = whitened(grid, values, 1e-8 * np.eye(12), np.linspace(0.2, 8.0, 300))
+    near = [f for f, _ in nearest_forms(of, seen)]
     own = next(f for f in near if f.form == form)
     assert np.allclose(own.numbers, numbers, rtol=1e-3)
     # a form with fewer numbers is not as near
@@ -90,3 +91,18 @@ def test_diagnose_names_the_form_and_saves_it(tmp_path: Path) -> None:
     assert result["functions"][0]["forms"][0]["text"] == "a v/(b + v)"
     again = hc.load_parameters(cart(F.symbol - DRAG), tmp_path / "parameters.toml")
     assert again.coefficients()["drag_b"] == pytest.approx(best.numbers["b"][0], rel=0.02)
+
+
+def test_a_form_that_is_a_line_over_the_logs_pays_for_its_number() -> None:
+    # a v/(b + v) is a line at all large b; the mean likelihood over b and the exact one of a line, by quadrature
+    grid, std = np.linspace(0.0, 1.0, 6), 0.02
+    of, y = Unknown("f", "1", "1", ()), grid + 0.0
+    seen = whitened(grid, y, std**2 * np.eye(6), np.linspace(0.0, 1.0, 200))
+    own = {f.form: unused for f, unused in nearest_forms(of, seen)}
+    angle = np.linspace(0.0, 0.5 * np.pi, 200_001)  # b = tan(angle): all of them, none twice
+    shapes = grid / (np.tan(angle)[:, None] + grid + 1e-12)
+    q = shapes / np.linalg.norm(shapes, axis=1)[:, None]
+    area = np.r_[0.0, np.linalg.norm(np.diff(q, axis=0), axis=1)]
+    misfit = (y @ y - (q @ y) ** 2) / std**2
+    mean = np.sum(area * np.exp(-0.5 * misfit)) / area.sum()
+    assert own["saturating"] - own["proportional"] == pytest.approx(np.log(mean), abs=0.1)

@@ -1,8 +1,8 @@
 """The form of an unknown function: forms of few numbers, fitted in the place of its table.
 
 The numbers of a form that come nearest to the table, in the table's own metric, are where the fit of the
-whole model begins. The probability of a form is that of the Bayesian information criterion, with the table as
-one more hypothesis.
+whole model begins. The probability of a form is its evidence (:mod:`.occam`) relative to that of all forms
+and of the table, each as likely beforehand.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from hovercontrol.craft.models.forms import FORMS, bounds
 from hovercontrol.craft.models.functions import FormFunction, TableFunction, Unknown
 from hovercontrol.identification.diagnose.criteria import CRITERIA
 from hovercontrol.identification.diagnose.unknown.function import FittedFunction, Form
+from hovercontrol.identification.diagnose.unknown.occam import Whitened
 from hovercontrol.identification.diagnose.unknown.tables import (
     arguments_along,
     fitted_functions,
@@ -63,16 +64,17 @@ def named_forms(
         along = np.clip(along[np.isfinite(along)], table.grid[0], table.grid[-1])
         covariance = fit.covariance[np.ix_(own, own)]
         at = np.linspace(table.grid[0], table.grid[-1], PLACES)
+        seen = whitened(function.grid, function.values, covariance, along)
         forms = [_form(table.with_numbers(_values(fit)), fit, at)]
-        per = math.log(float(fit.problem.seen.sum()))
-        likely = nearest_forms(table.of, function.grid, function.values, covariance, along, per)
-        for near in likely[:FITTED]:
+        evidence = [_evidence(fit, seen.of_table())]
+        for near, unused in nearest_forms(table.of, seen)[:FITTED]:
             report(f"trying {function.name} = {near.text(bool(at[0] >= 0.0))}")
             try:
                 forms.append(_form(near, fitted_with(model, [near, *others], fit, names), at))
             except FloatingPointError:
                 continue
-        found.append(replace(function, forms=_weighed(forms)))
+            evidence.append(_evidence(forms[-1].fit, unused))
+        found.append(replace(function, forms=_weighed(forms, evidence)))
     return tuple(found)
 
 
@@ -114,66 +116,73 @@ def _contains(larger: Form, smaller: Form) -> bool:
     if not isinstance(larger.function, FormFunction) or len(larger.numbers) <= len(smaller.numbers):
         return False
     size = float(np.abs(smaller.values).max()) or 1.0
-    near = _nearest(larger.function, smaller.at, smaller.values, np.eye(PLACES) / size, smaller.at)
+    same = Whitened(smaller.at, np.eye(PLACES) / size, smaller.values / size, smaller.at)
+    near = _nearest(larger.function, same)
     return near is not None and near[1] < PLACES * CONTAINED**2
 
 
-def nearest_forms(
-    of: Unknown, grid: Array, values: Array, covariance: Array, along: Array, per: float = 0.0
-) -> list[FormFunction]:
-    """Return the forms with the numbers nearest to values of a function, the likeliest first.
-
-    Forms that are the same over the logs are listed once. One that needs more numbers than there are nodes is
-    left out.
+def whitened(grid: Array, values: Array, covariance: Array, along: Array) -> Whitened:
+    """Return a table in its own metric.
 
     Parameters
     ----------
-    of : Unknown
     grid, values : ndarray, shape (n,)
     covariance : ndarray, shape (n, n)
         Of the values.
     along : ndarray
         The argument in the rows of the logs.
-    per : float, optional
-        What each number costs, in twice the log likelihood.
+    """
+    # C = V diag(l) V': W = diag(l^-1/2) V', |W (f - y)|^2
+    eigenvalues, V = np.linalg.eigh(covariance)
+    W = (V / np.sqrt(np.maximum(eigenvalues, 1e-12 * eigenvalues[-1]))).T
+    return Whitened(grid, W, W @ values, along)
+
+
+def nearest_forms(of: Unknown, seen: Whitened) -> list[tuple[FormFunction, float]]:
+    """Return the forms with the numbers nearest to a table, the likeliest first.
+
+    With each, the log of its mean likelihood relative to the largest (:mod:`.occam`). Forms that are the same
+    over the logs are listed once. One that needs more numbers than there are nodes is left out.
+
+    Parameters
+    ----------
+    of : Unknown
+    seen : Whitened
+        The table.
 
     Examples
     --------
     >>> grid, along = np.linspace(0.5, 20.0, 8), np.linspace(0.5, 20.0, 400)
     >>> of = Unknown("mu", "1/s", "kg/m^3", ())
-    >>> best = nearest_forms(of, grid, 0.4 * grid / (4.0 + grid), 1e-6 * np.eye(8), along)[0]
+    >>> best, _ = nearest_forms(of, whitened(grid, 0.4 * grid / (4.0 + grid), 1e-6 * np.eye(8), along))[0]
     >>> best.form, np.round(best.numbers, 3).tolist()
     ('saturating', [0.4, 4.0])
     """
-    # whitened by the covariance C = V diag(l) V' of the table: W = diag(l^-1/2) V', |W (f - y)|^2
-    eigenvalues, V = np.linalg.eigh(covariance)
-    W = (V / np.sqrt(np.maximum(eigenvalues, 1e-12 * eigenvalues[-1]))).T
-    places = np.linspace(float(along.min()), float(along.max()), PLACES)
-    found: list[tuple[float, FormFunction]] = []
-    seen: list[Array] = []
+    places = np.linspace(float(seen.along.min()), float(seen.along.max()), PLACES)
+    found: list[tuple[float, FormFunction, float]] = []
+    shapes: list[Array] = []
     for form in FORMS:
-        near = _nearest(FormFunction(of, form, ()), grid, values, W, along)
+        near = _nearest(FormFunction(of, form, ()), seen)
         if near is None:
             continue
         shape = near[0].values(places)
-        if any(np.abs(shape - one).max() <= SAME * np.abs(one).max() for one in seen):
+        if any(np.abs(shape - one).max() <= SAME * np.abs(one).max() for one in shapes):
             continue
-        seen.append(shape)
-        found.append((near[1] + per * len(near[0].keys), near[0]))
-    return [f for _, f in sorted(found, key=lambda one: one[0])]
+        shapes.append(shape)
+        unused = seen.unused(*near)
+        found.append((unused - 0.5 * near[1], near[0], unused))
+    return [(f, unused) for _, f, unused in sorted(found, key=lambda one: -one[0])]
 
 
-def _nearest(
-    form: FormFunction, grid: Array, values: Array, W: Array, along: Array
-) -> tuple[FormFunction, float] | None:
-    """Return a form with the numbers nearest to values, and its squared distance; None without numbers."""
-    count, numbers = len(form.terms), form.own
-    if len(form.keys) > grid.size:
+def _nearest(form: FormFunction, seen: Whitened) -> tuple[FormFunction, float] | None:
+    """Return a form with the numbers nearest to a table, and its squared distance; None without numbers."""
+    count, numbers, along, target = len(form.terms), form.own, seen.along, seen.y
+    if len(form.keys) > seen.grid.size:
         return None
-    columns, target = form.columns(grid), W @ values
+    columns = form.columns(seen.grid)
 
     def solved(own: Array) -> tuple[Array, Array]:
-        A = W @ columns(own.tolist())
+        A = seen.W @ columns(own.tolist())
         size = np.linalg.norm(A, axis=0)
         if not np.all(size > 0.0):
             return np.zeros(count), target
@@ -222,17 +231,14 @@ def _form(function: TableFunction | FormFunction, fit: Fit, at: Array) -> Form:
     return Form(function.form, text, function, numbers, units, 0.0, at, function.values(at), fit)
 
 
-def _weighed(forms: Sequence[Form]) -> tuple[Form, ...]:
+def _weighed(forms: Sequence[Form], evidence: Sequence[float]) -> tuple[Form, ...]:
     """Return forms with their probabilities, the likeliest first."""
-    # P_i = exp(-BIC_i/2) / sum_j exp(-BIC_j/2)
-    criterion = np.array([_information_criterion(f.fit) for f in forms])
-    weight = np.exp(-0.5 * (criterion - criterion.min()))
+    weight = np.exp(np.array(evidence) - max(evidence))
     weight /= weight.sum()
     every = [replace(f, probability=float(w)) for f, w in zip(forms, weight, strict=True)]
     return tuple(sorted(every, key=lambda f: -f.probability))
 
 
-def _information_criterion(fit: Fit) -> float:
-    # BIC = -2 log L + k log n of k unknowns and n samples, without the prior (Schwarz, Ann. Stat. 6 (1978))
-    likely = fit.cost - fit.prior.cost(fit.problem.inside(fit.p))
-    return likely + len(fit.p) * math.log(float(fit.problem.seen.sum()))
+def _evidence(fit: Fit, unused: float) -> float:
+    """Return the log evidence: the largest log likelihood without the prior, and the mean relative to it."""
+    return -0.5 * (fit.cost - fit.prior.cost(fit.problem.inside(fit.p))) + unused

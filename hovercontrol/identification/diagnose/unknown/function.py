@@ -38,7 +38,7 @@ class Form:
         Value and standard error of each of its numbers.
     units : mapping of str to str
     probability : float
-        Among all forms and the table, by the Bayesian information criterion.
+        Among all forms and the table, by their evidence.
     at, values : ndarray, shape (m,)
         The form over the range of the logs.
     fit : Fit
