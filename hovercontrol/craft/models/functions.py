@@ -19,7 +19,7 @@ from __future__ import annotations
 import itertools
 import re
 import string
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any, Self
@@ -207,7 +207,7 @@ class FormFunction:
         """Names of its parameters that have one value: a unit of the argument, if it needs one."""
         return (f"{self.of.name}_one",) if any(t.numbers == ("n",) for t in self.terms) else ()
 
-    def columns(self, at: Array) -> Callable[[Sequence[Any]], Array]:
+    def columns(self, at: Array) -> Callable[[Iterable[Any]], Array]:
         """Return the terms at m places as a function of the own numbers, shape (..., m, terms).
 
         The numbers may be arrays of one shape (...).
@@ -216,7 +216,7 @@ class FormFunction:
         c = SimpleNamespace(**{s.name: s for s in symbols})
         made = sp.lambdify([a, symbols], [t.of(a, c, sp.S.One) for t in self.terms], "numpy")
 
-        def of(numbers: Sequence[Any]) -> Array:
+        def of(numbers: Iterable[Any]) -> Array:
             own = [np.asarray(n, dtype=float)[..., None] for n in numbers]
             shape = np.broadcast_shapes(at.shape, *(n.shape for n in own))
             with np.errstate(all="ignore"):

@@ -21,7 +21,9 @@ y and the columns A of a form's terms, whitened by the table's covariance, the m
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -57,7 +59,7 @@ class Whitened:
     y: Array
     along: Array
 
-    def columns(self, form: FormFunction, numbers: list[Array]) -> Array:
+    def columns(self, form: FormFunction, numbers: Iterable[Any]) -> Array:
         """Return the whitened terms of a form, shape (..., n, terms), of numbers of any shape (...)."""
         return np.asarray(self.W @ form.columns(self.grid)(numbers))
 
@@ -81,15 +83,15 @@ class Whitened:
         if not own.size:
             return 0.0
         step = 1e-5 * np.maximum(np.abs(own), 1e-6 * np.abs(self.along).max())
-        q, c = self._direction(form, list(own))
+        q, c = self._direction(form, own)
         J = [
-            (self._direction(form, list(own + d))[0] - self._direction(form, list(own - d))[0]) / (2.0 * h)
+            (self._direction(form, own + d)[0] - self._direction(form, own - d)[0]) / (2.0 * h)
             for h, d in zip(step, np.diag(step), strict=True)
         ]
         # misfit c^2 |dq|^2 along the sphere: the covariance of the numbers is (c^2 J'J)^-1
         wide = np.sqrt(np.diag(np.linalg.pinv(float(c) ** 2 * (np.array(J) @ np.array(J).T))))
         axes = [self._axis(n, t, b, s) for (n, t), b, s in zip(form.own, own, wide, strict=True)]
-        q, c = self._direction(form, list(np.meshgrid(*axes, indexing="ij")))
+        q, c = self._direction(form, np.meshgrid(*axes, indexing="ij"))
         slopes = np.stack([np.gradient(q, a, axis=i) for i, a in enumerate(axes)], axis=-1)
         gram = np.swapaxes(slopes, -1, -2) @ slopes
         area = np.sqrt(np.maximum(np.linalg.det(gram), 0.0))
@@ -100,7 +102,7 @@ class Whitened:
         mean = float((area * np.exp(-0.5 * misfit)).sum()) / total if total > 0.0 else 1.0
         return math.log(max(mean, 1e-300))
 
-    def _direction(self, form: FormFunction, numbers: list[Array]) -> tuple[Array, Array]:
+    def _direction(self, form: FormFunction, numbers: Iterable[Any]) -> tuple[Array, Array]:
         """Return the unit vector of the term with numbers, orthogonal to the others, and y along it."""
         A = self.columns(form, numbers)
         k = next(i for i, t in enumerate(form.terms) if t.numbers)
@@ -120,7 +122,7 @@ class Whitened:
     def _beyond(self, form: FormFunction) -> float:
         """Return the squared length of y orthogonal to the terms without numbers."""
         k = next(i for i, t in enumerate(form.terms) if t.numbers)
-        F = self._others(self.columns(form, list(form.numbers[len(form.terms) :])), k)
+        F = self._others(self.columns(form, form.numbers[len(form.terms) :]), k)
         return float(self.y @ self.y - np.sum((F.T @ self.y) ** 2))
 
     def _axis(self, number: str, term: Term, best: float, wide: float) -> Array:
