@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from textwrap import wrap
@@ -95,19 +96,22 @@ def _listed(topic: Topic) -> list[str]:
 
 
 def _condensed(names: Sequence[str]) -> list[str]:
-    """Return names with the elements of an array as one, ``q[0..3]``.
+    """Return names with successive elements of an array as one, ``q[0..3]``.
 
     Examples
     --------
-    >>> _condensed(["x", "q[0]", "q[1]", "q[2]", "data[5]"])
-    ['x', 'q[0..2]', 'data[5]']
+    >>> _condensed(["x", "q[0]", "q[1]", "q[2]", "q[4]", "data[5]"])
+    ['x', 'q[0..2]', 'q[4]', 'data[5]']
     """
-    spans: dict[str, list[str]] = {}
+    spans: list[tuple[str, int, int]] = []
     for name in names:
-        stem, bracket, rest = name.rpartition("[")
-        element = bracket and rest.endswith("]") and rest[:-1].isdigit()
-        spans.setdefault(stem if element else name, []).append(rest[:-1] if element else "")
+        element = re.fullmatch(r"(.*)\[(\d+)\]", name)
+        stem, at = (element[1], int(element[2])) if element else (name, -1)
+        if spans and at > 0 and (spans[-1][0], spans[-1][2]) == (stem, at - 1):
+            spans[-1] = (stem, spans[-1][1], at)
+        else:
+            spans.append((stem, at, at))
     return [
-        stem + ("" if not own[0] else f"[{own[0]}]" if len(own) == 1 else f"[{own[0]}..{own[-1]}]")
-        for stem, own in spans.items()
+        stem if last < 0 else f"{stem}[{first}]" if first == last else f"{stem}[{first}..{last}]"
+        for stem, first, last in spans
     ]

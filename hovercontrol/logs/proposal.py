@@ -38,7 +38,7 @@ _QUATERNIONS = (
 MOST_COMMANDS = 4
 
 #: Formats whose frame is north-east-down.
-_NED = ("PX4 ULog", "ArduPilot log", "ArduPilot log as text", "MAVLink telemetry", "NMEA 0183", "GPX")
+_NED = ("PX4 ULog", "ArduPilot log", "ArduPilot log as text", "MAVLink telemetry", "NMEA 0183", "GPX", "FIT")
 
 #: Formats whose vertical axis is the exporter's choice: the axis along which a body moves least.
 _ANY_UP = ("Motive (OptiTrack) CSV", "Vicon CSV", "C3D", "TRC (motion capture)", "HDF5", "MATLAB")

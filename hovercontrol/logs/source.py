@@ -133,6 +133,8 @@ FORMATS = (
     Format("NMEA 0183", (".nmea",), "nmea:nmea", "`RMC/lat`, `HDT/heading`; deg, m/s", (),
            "", rb"(\\[^\\]*\\)?\$[A-Z]{2,5}[A-Z0-9]{3},"),
     Format("GPX", (".gpx",), "gpx:gpx", "`time`, `lat`, `lon`", (), "", rb"\s*(\xef\xbb\xbf)?\s*(<\?xml.*?)?<gpx\b"),  # noqa: E501
+    Format("FIT", (".fit",), "fit:fit", "`record/position_lat`, `gps_metadata/course`; units as the profile states them", (), "fitdecode",  # noqa: E501
+           rb"[\x0c\x0e].{7}\.FIT"),
     Format("C3D", (".c3d",), "c3d:c3d", "`Marker.x`; units as the file states them", (), "ezc3d", rb"[\x02-\x08]\x50"),  # noqa: E501
     Format("TRC (motion capture)", (), "trc:trc", "`Marker.x`; m", (b"PathFileType\t",)),
     Format("CSV", (), "csv:CsvSource", "as in the header; without one by number: `1`, `2`"),
@@ -146,9 +148,13 @@ OTHERS = (
     (b"\x1f\x8b", 0, "compressed by gzip", "unpack it with gunzip"),
     (b"\x28\xb5\x2f\xfd", 0, "compressed by zstd", "unpack it with unzstd"),
     (b"ARROW1", 0, "an Arrow file (Feather)", "pyarrow.feather reads it; write Parquet"),
-    (b"H Product:Blackbox", 0, "a log of Betaflight or INAV", "blackbox_decode converts it to CSV"),
-    (b".FIT", 8, "a FIT file", "fitdecode or Garmin's FitCSVTool convert it to CSV"),
-    (b"IFHD", 0, "an ADTF recording", "ADTF's tools export it as CSV or MDF"),
+    (
+        b"H Product:Blackbox",
+        0,
+        "a log of Betaflight or INAV",
+        "blackbox_decode converts it to CSV",
+    ),
+    (b"IFHD", 0, "an ADTF recording", "adtf_dattool --export writes its streams as CSV"),
     (b"%PDF", 0, "a PDF document", "export the data as CSV"),
     (b"\x89PNG", 0, "a picture", "export the data as CSV"),
     (b"\x7fELF", 0, "a program", "name its log instead"),

@@ -6,6 +6,7 @@ Courses are over ground: they are no heading.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from datetime import date
 from pathlib import Path
@@ -115,7 +116,7 @@ def _date(kind: str, cells: Sequence[str], before: int) -> int:
 
 def _time(text: str) -> int:
     """Return the time of day [ns], or -1 if there is none."""
-    if len(text) < 6 or not text[:6].isdigit():
+    if not re.fullmatch(r"\d{6}(\.\d*)?", text, re.ASCII):
         return -1
     seconds = 3600 * int(text[:2]) + 60 * int(text[2:4]) + int(text[4:6])
     return seconds * 10**9 + round(_number(f"0{text[6:] or '.0'}") * 1e9)

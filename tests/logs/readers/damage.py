@@ -56,6 +56,7 @@ FILES: dict[str, tuple[Callable[[Path], object], str]] = {
     },
     "NMEA": (more.test_nmea, "a.nmea"),
     "GPX": (more.test_gpx, "a.gpx"),
+    "FIT": (more.test_fit, "plain"),
     "C3D": (more.test_c3d, "a.c3d"),
     "TRC": (more.test_trc, "a.trc"),
     "Motive": (lambda p: written.motive(p / "a.csv"), "a.csv"),

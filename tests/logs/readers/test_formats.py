@@ -157,7 +157,7 @@ def test_messages_without_a_length_are_refused(tmp_path: Path) -> None:
     [
         (b"PK\x03\x04" + bytes(60), "it seems to be an archive .*: unpack it, or save the sheet as CSV"),
         (b"H Product:Blackbox flight data recorder\n", "a log of Betaflight or INAV: blackbox_decode"),
-        (b"\x0e\x20\x00\x00\x00\x00\x00\x00.FIT\x00\x00", "a FIT file: fitdecode"),
+        (b"IFHD\x00\x05", "an ADTF recording: adtf_dattool --export"),
         (b"ARROW1\x00\x00", "Feather.*: pyarrow.feather reads it"),
         (b"\x1f\x8b\x08\x00", "compressed by gzip: unpack it with gunzip"),
     ],

@@ -185,6 +185,7 @@ def test_nmea(tmp_path: Path) -> None:
         rmc = pynmea2.RMC("GP", "RMC", (clock, "V" if k == 5 else "A", *place, "2.0", "90.0", day, "", ""))
         lines += [str(rmc), str(pynmea2.HDT("HE", "HDT", (f"{300 + k:.1f}", "T")))]
     lines[20] = lines[20][:-2] + "00"  # a wrong checksum
+    lines.append("$GPZDA,000100.x,01,05,2026")  # a damaged time, without a checksum
     (tmp_path / "a.nmea").write_text("\r\n".join(lines))
     assert format_of(tmp_path / "a.nmea").name == "NMEA 0183"
     log = read_log(tmp_path / "a.nmea", pairs("x=RMC/lat,RMC/lon:east,y=RMC/lat,RMC/lon:north,u=RMC/speed"))
@@ -217,6 +218,45 @@ def test_gpx(tmp_path: Path) -> None:
     assert read_log(tmp_path / "a.gpx", pairs("x=lat,lon:north"))["x"][-1] == pytest.approx(
         149e-5 * 111_298, rel=1e-3
     )
+
+
+def test_fit(tmp_path: Path) -> None:
+    fit = pytest.importorskip("fit_tool")
+    pytest.importorskip("fitdecode")
+    from fit_tool.profile.messages.file_id_message import FileIdMessage
+    from fit_tool.profile.messages.gps_metadata_message import GpsMetadataMessage
+    from fit_tool.profile.messages.record_message import RecordMessage
+
+    def made(message: object, **values: object) -> object:
+        for name, value in values.items():
+            setattr(message, name, value)
+        return message
+
+    out = fit.FitFileBuilder(auto_define=True)
+    out.add(made(FileIdMessage(), time_created=1000 * START))
+    for k in range(90):
+        now = 1000 * (START + k)
+        seen = {} if k == 7 else {"position_lat": -54.0 + 1e-5 * k, "position_long": 10.0 - 2e-5 * k}
+        out.add(made(RecordMessage(), timestamp=now, enhanced_speed=2.5, temperature=20, **seen))
+        at = {"timestamp": now, "timestamp_ms": 250, "heading": 270.0, "velocity": [-2.0, 1.0, 0.0]}
+        out.add(made(GpsMetadataMessage(), **at))
+    out.build().to_file(str(tmp_path / "a.fit"))
+    (tmp_path / "plain").write_bytes((tmp_path / "a.fit").read_bytes())
+    assert format_of(tmp_path / "plain").name == "FIT"
+    place = ",".join(f"record/position_{axis}" for axis in ("lat", "long"))
+    log = read_log(tmp_path / "plain", pairs(f"x={place}:north,y={place}:east,v=record/enhanced_speed"))
+    lost = np.arange(90) == 7
+    assert log.origin == START * 10**9 and np.array_equal(log.time, np.arange(90.0))
+    assert log["v"] == pytest.approx(2.5 + np.zeros(90)) and np.array_equal(np.isnan(log["x"]), lost)
+    metres = np.array([1e-5 * 111_286, -2e-5 * 65_566]) * 89  # of a degree at 54 deg south, WGS 84
+    assert [log["x"][-1], log["y"][-1]] == pytest.approx(metres, rel=1e-3)
+    course = read_log(tmp_path / "a.fit", pairs("c=gps_metadata/course,e=gps_metadata/velocity[0]"))
+    assert course.origin == START * 10**9 + 250_000_000
+    assert course["c"][5] == pytest.approx(1.5 * np.pi, rel=1e-4) and course["e"][5] == -2.0
+    cut = (tmp_path / "a.fit").read_bytes()[:-1000]
+    (tmp_path / "a.fit").write_bytes(cut)
+    log = read_log(tmp_path / "a.fit", {"v": "record/enhanced_speed"})
+    assert 40 < len(log) < 90 and any("up to a break" in note for note in log.notes)
 
 
 def test_positions_in_other_units_of_latitude_are_refused(tmp_path: Path) -> None:
