@@ -26,12 +26,14 @@ from typing import Any, Literal, TypeVar
 import numpy as np
 
 from hovercontrol.base.annotations import LOOKED_AT, alternatives, described, fits, innermost, usual_types
-from hovercontrol.base.errors import InputError, did_you_mean, shown
+from hovercontrol.base.errors import CallError, InputError, did_you_mean, shown
 
 Thing = TypeVar("Thing", bound=Callable[..., Any])
 
 #: Errors that Python and NumPy raise if a value cannot be used in a calculation.
 _STUMBLES = ValueError, ArithmeticError, IndexError, MemoryError
+
+_NAMED = inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY
 
 _PACKAGE = str(Path(__file__).parents[1]) + os.sep
 _LIBRARIES = tuple({sysconfig.get_path(name) + os.sep for name in ("stdlib", "purelib", "platlib")})
@@ -129,6 +131,10 @@ class _Gate:
                 if called_by_user(sys._getframe(1)):
                     self._blame(error, args, kwargs)
                 raise
+            except TypeError as error:
+                if called_by_user(sys._getframe(1)):
+                    self._check_call(error, args, kwargs)
+                raise
 
         guard.__checked__ = True  # type: ignore[attr-defined]
         return guard
@@ -161,6 +167,11 @@ class _Gate:
         if typing.get_origin(hint) is Literal and isinstance(part, str):
             nearest = did_you_mean(part, typing.get_args(hint))
             nearest = "" if nearest.startswith("; known") else nearest  # the message lists them all
+        elsewhere = [
+            name for name, kinds in self.kinds.items()
+            if name != key and not isinstance(value, str | Real | None) and any(fits(value, k) for k in kinds)
+        ]  # fmt: skip
+        nearest = f"; did you mean {elsewhere[0]}=...?" if len(elsewhere) == 1 else nearest
         expected = described(hint)
         text = f"{self.name}: {where}: expected {expected}, found {shown(part)}{nearest}"
         raise InputError(text) if called_by_user(caller) else TypeError(text)
@@ -170,13 +181,20 @@ class _Gate:
         default = self.parameters[key].default
         return value is default or (default == () and isinstance(value, Sized) and len(value) == 0)
 
+    def _check_call(self, error: TypeError, args: tuple[Any, ...], kwargs: Mapping[str, Any]) -> None:
+        """Raise a one-line error if the call has an argument too many or too few."""
+        try:
+            inspect.signature(self.inner).bind(*args, **kwargs)
+        except TypeError as wrong:
+            known = [one.name for one in self._of(*_NAMED)]
+            unknown = next((key for key in kwargs if key not in known), None)
+            hint = did_you_mean(unknown, known) if unknown else f"; arguments: {', '.join(known)}"
+            said = f"got an unexpected keyword argument {unknown!r}" if unknown else wrong
+            raise CallError(f"{self.name}: {said}{hint}") from error
+
     def _blame(self, error: Exception, args: tuple[Any, ...], kwargs: Mapping[str, Any]) -> None:
         """Raise a one-line error if an argument is empty, or a number in it is not finite or too large."""
         given = dict(zip(self._positions(), args[self.skipped :], strict=False)) | dict(kwargs)
-        try:
-            inspect.signature(self.inner).bind(*args, **kwargs)
-        except TypeError:
-            return  # Python's own error names the surplus or missing argument
         for one in self._of(inspect.Parameter.VAR_POSITIONAL):
             given[one.name] = args[self.skipped + len(self._positions()) :]
         given = {k: v for k, v in given.items() if k in self.hints and not self._usual(k, v)}

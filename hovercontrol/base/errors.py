@@ -37,6 +37,20 @@ class ArgumentError(InputError):
     """
 
 
+class CallError(InputError, TypeError):
+    """A call with an unknown, a missing or a surplus argument; a :class:`TypeError`, as Python raises.
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> try:
+    ...     hc.circle(1.0, rat=0.2)
+    ... except CallError as error:
+    ...     print(error)
+    circle: got an unexpected keyword argument 'rat'; did you mean 'rate'?
+    """
+
+
 class SmoothedFrictionWarning(UserWarning):
     """A pole of a linear system comes from the smoothing of dry friction, not from the craft.
 
@@ -114,6 +128,18 @@ def did_you_mean(name: object, known: Iterable[object]) -> str:
         return f"; did you mean {words[nearest[0]]!r}?"
     more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
     return f"; known: {', '.join(names[:MOST_NAMES])}{more}" if names else "; there are none"
+
+
+def by_last_part(name: str, known: Collection[str]) -> str:
+    """Return the one known name that ends in ``.NAME``; the name itself if it is known or several end so.
+
+    Examples
+    --------
+    >>> by_last_part("u", ["plant.u", "plant.v"]), by_last_part("u", ["plant.u", "estimator.u"])
+    ('plant.u', 'u')
+    """
+    found = [one for one in known if one.rpartition(".")[2] == name]
+    return found[0] if name not in known and len(found) == 1 else name
 
 
 def check_known(name: object, known: Collection[object], text: str) -> None:

@@ -18,7 +18,7 @@ import sympy as sp
 
 from hovercontrol.base.annotations import fits
 from hovercontrol.base.boundary import checked, checks_itself
-from hovercontrol.base.errors import InputError, check_known, did_you_mean, shown
+from hovercontrol.base.errors import InputError, by_last_part, check_known, did_you_mean, shown
 from hovercontrol.blocks.block_backends import Backends
 from hovercontrol.blocks.checking import check
 from hovercontrol.blocks.expressions import Expressions
@@ -226,8 +226,24 @@ class Block(Backends):
         """
         if name in self.default_parameters or any(name == s.name for s in (*self.states, *self.inputs)):
             return name
-        short = [key for key in self.default_parameters if key.rpartition(".")[2] == name]
-        return short[0] if len(short) == 1 else name
+        return by_last_part(name, self.default_parameters)
+
+    def full_state(self, name: str) -> str:
+        """Return the name of a state given by its last part, where that is unique; other names as they are.
+
+        Parameters
+        ----------
+        name : str
+
+        Examples
+        --------
+        >>> import hovercontrol as hc
+        >>> craft = hc.vehicle("c17_simulation")
+        >>> loop = hc.interconnect([craft.plant(), hc.tracking_controller(craft), hc.circle(1.0, rate=0.7)])
+        >>> loop.full_state("psi"), loop.full_state("nothing")
+        ('plant.psi', 'nothing')
+        """
+        return by_last_part(name, [s.name for s in self.states])
 
     @checks_itself
     def parameter_values(

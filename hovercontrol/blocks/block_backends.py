@@ -433,7 +433,7 @@ class Backends:
 
     def linearize(
         self,
-        at: ArrayLike | Mapping[str, float] | control.OperatingPoint | Trim,
+        at: ArrayLike | Mapping[str, float] | control.OperatingPoint | Trim | None = None,
         u: ArrayLike | Mapping[str, float] | None = None,
         params: Mapping[str, float] | None = None,
         t: float | None = None,
@@ -445,9 +445,9 @@ class Backends:
 
         Parameters
         ----------
-        at : Trim, control.OperatingPoint, mapping by name or array_like, shape (n_states,)
-            The point. A mapping has values of states and inputs in their units, over their start values; a
-            scalar is the value of all states.
+        at : Trim, control.OperatingPoint, mapping by name or array_like, shape (n_states,), optional
+            The point; default the start values. A mapping has values of states and inputs in their units,
+            over their start values; a scalar is the value of all states.
         u : array_like, shape (n_inputs,), scalar for all inputs, or mapping by name, optional
             Default: that of the Trim, operating point or mapping; beside an array 0.
         params : mapping, optional

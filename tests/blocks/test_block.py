@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
+import hovercontrol as hc
 from hovercontrol.base.errors import InputError
 from hovercontrol.blocks.block import Block, Expressions
 from hovercontrol.blocks.interconnect import interconnect
@@ -320,3 +321,28 @@ def test_expressions_are_equal_only_in_the_same_order():
     assert one != two
     assert one == Expressions([("a", 1), ("b", 2)])
     assert dict(one) == {"a": 1, "b": 2}
+
+
+# ---- names by their last part --------------------------------------------------------------------
+
+
+def test_states_and_parameters_of_a_loop_go_by_their_last_part_in_every_call():
+    """A cart with ``v' = (F - c v)/m`` under ``F = kp (w - v)``: its pole is ``-(c + kp)/m``."""
+    m, c = hc.Signal("m", "kg", start=2.0), hc.Signal("c", "N*s/m", start=1.0)
+    v, w, F = hc.Signal("v", "m/s"), hc.Signal("w", "m/s"), hc.Signal("F", "N")
+    kp = hc.Signal("kp", "N*s/m", start=3.0)
+    plant = hc.Block("cart", [v], [F], [v], [m, c], {"v": (F.symbol - c.symbol * v.symbol) / m.symbol})
+    law = hc.Block("law", [], [v, w], [F], [kp], output_expressions={"F": kp.symbol * (w.symbol - v.symbol)})
+    loop = hc.interconnect([plant, law], "loop", outputs=["F"])
+    t = np.linspace(0.0, 1.0, 5)
+    wanted = 0.5 * np.exp(-3.0 * t)  # kp = 5, from 0.5 m/s
+    run = hc.simulate(loop, t, x0={"v": 0.5}, params={"kp": 5.0}, rtol=1e-9)
+    assert run["v"] == pytest.approx(wanted, rel=1e-6) and run["F"] == pytest.approx(-5 * run["cart.v"])
+    assert loop.linearize(params={"kp": 5.0}).poles() == pytest.approx([-3.0])
+    assert loop.to_control().linearize(0, 0, params={"kp": 5.0}).poles() == pytest.approx([-3.0])
+    assert loop.linearize({"v": 0.5}).poles() == pytest.approx([-2.0])
+    assert loop.trim({"v": 1.0}, params={"kp": 2.0}).inputs["w"] == pytest.approx(1.5)
+    swept = loop.compile().sweep(t, x0={"v": [0.0, 0.5]}, params={"kp": 5.0})
+    assert swept["F"].final == pytest.approx([0.0, -5 * wanted[-1]], abs=1e-6)
+    with pytest.raises(InputError, match=r"no signal 'vv'; known: F, cart.v, w"):
+        run["vv"]

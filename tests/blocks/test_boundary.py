@@ -38,10 +38,33 @@ def test_one_line_says_function_argument_expected_and_found(arguments, said):
     assert str(error.value) == said
 
 
-def test_what_is_right_passes_and_what_is_too_much_is_pythons():
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        (
+            lambda: steer(1.0, [], hald=True),
+            "steer: got an unexpected keyword argument 'hald'; did you mean 'hold'?",
+        ),
+        (
+            lambda: steer(1.0),
+            "steer: missing a required argument: 'names'; arguments: rate, names, craft, hold",
+        ),
+        (
+            lambda: steer(1.0, [], None, True),
+            "steer: too many positional arguments; arguments: rate, names, craft, hold",
+        ),
+    ],
+)
+def test_a_call_with_a_wrong_argument_is_one_line_with_the_names(call, said):
     assert steer(1, ["a"]) == 1.5
-    with pytest.raises(TypeError, match="unexpected keyword"):
-        steer(1.0, [], speed=1)
+    with pytest.raises(TypeError) as error:
+        call()
+    assert str(error.value) == said and isinstance(error.value, InputError)
+
+
+def test_an_argument_in_anothers_place_is_told_its_place():
+    with pytest.raises(InputError, match=r"craft: expected a Model or None, .*; did you mean names=...\?"):
+        steer(1.0, [], ["left"])
 
 
 def test_a_stumble_over_right_arguments_is_not_hidden():

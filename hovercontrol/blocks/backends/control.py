@@ -126,9 +126,14 @@ class BlockSystem(control.NonlinearIOSystem):
         return self._by_block(self.params)
 
     def _by_block(self, params: Mapping[str, float]) -> dict[str, float]:
-        for key in params:
-            check_known(key, self._keys, f"system {self.name!r}: unknown parameter {key!r}")
-        return {self._keys[key]: value for key, value in params.items()}
+        found = {}
+        for key, value in params.items():
+            last_part = self.block.full_key(key) if "." not in key else key
+            own = self._keys.get(key, last_part if last_part != key else "")
+            if not own:
+                check_known(key, self._keys, f"system {self.name!r}: unknown parameter {key!r}")
+            found[own or key] = value
+        return found
 
     def _outputs_are_states(self) -> bool:
         """Whether the outputs are the states in order, which python-control's state feedback checks."""

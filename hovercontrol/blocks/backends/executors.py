@@ -44,7 +44,7 @@ from hovercontrol.blocks.backends.sweep import (
     units_of_runs,
     values_of_runs,
 )
-from hovercontrol.blocks.simulation.arguments import checked_times
+from hovercontrol.blocks.simulation.arguments import by_state, checked_times
 
 if TYPE_CHECKING:
     from hovercontrol.blocks.backends.compiled import CompiledBlock
@@ -207,8 +207,9 @@ def _work(
     block = ready.block
     if x0 is not None and not isinstance(x0, Mapping):
         x0 = rows_by_state(block, x0)
+    x0 = by_state(block, x0 or {})
     params = {block.full_key(name): values for name, values in (params or {}).items()}
-    runs = number_of_runs({**params, **(x0 or {})})
+    runs = number_of_runs({**params, **x0})
     by_key = {block.parameter_key(s.name): s for s in block.parameters}
     _, p = values_of_runs(block, by_key, params, runs, "parameter")
     x, given = values_of_runs(block, {s.name: s for s in block.states}, x0, runs, "state")

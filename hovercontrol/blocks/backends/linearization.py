@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 def linearize(
     block: Block,
-    at: Any,
+    at: Any = None,
     u: ArrayLike | Mapping[str, float] | None = None,
     params: Mapping[str, float] | None = None,
     t: float | None = None,
@@ -40,7 +40,7 @@ def linearize(
     >>> round(float(ahead.A[5, 5]), 3)
     -0.48
     """
-    point = operating_point(block, at, u, params, t)
+    point = operating_point(block, {} if at is None else at, u, params, t)
     if friction == "smooth" and amplitude is None and not block.ticks:
         return block.to_control().linearize(point.x, point.u, t=point.t, params=point.params)
     if block.delays:
@@ -133,6 +133,8 @@ def operating_point(
 def _by_name(block: Block, kind: str, values: Mapping[str, float]) -> list[float]:
     signals = getattr(block, f"{kind}s")
     names = [s.name for s in signals]
+    if kind == "state":
+        values = {block.full_state(name): value for name, value in values.items()}
     for name in values:
         check_known(name, names, block.where(f"no {kind} {name!r}"))
     return np.array([values.get(s.name, s.start) for s in signals], dtype=float).tolist()

@@ -166,7 +166,9 @@ def trim(
     {'thrust': 2.1574, 'rudder': -0.0808}
     """
     plain = with_rates(undelayed(block))
-    guess = {**guess.states, **guess.inputs} if isinstance(guess, Trim) else guess
+    guess = {**guess.states, **guess.inputs} if isinstance(guess, Trim) else _full(block, guess)
+    states, rates = _full(block, states), _full(block, rates)
+    params = {block.full_key(name): value for name, value in (params or {}).items()}
     groups = {
         "state": [s.name for s in block.states],
         "input": [s.name for s in block.inputs],
@@ -192,6 +194,12 @@ def trim(
     if not holds:
         raise InputError(block.where(failure(conditions, z)))
     return _result(block, conditions, z, given)
+
+
+def _full(block: Block, values: Mapping[str, Any] | None) -> dict[str, Any]:
+    """Return values by the full names of states; other names as they are."""
+    inputs = {s.name for s in block.inputs}
+    return {k if k in inputs else block.full_state(k): value for k, value in (values or {}).items()}
 
 
 def _fixed(signal: Any) -> bool:

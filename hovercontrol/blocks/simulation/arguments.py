@@ -89,9 +89,10 @@ def own_states(block: Block) -> dict[str, str]:
 
 
 def by_state(block: Block, values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return values by the names of the states, given by those or by a sampled Block's own."""
+    """Return values by the names of the states, given by those, by a sampled Block's own or by last parts."""
     known, own = {s.name for s in block.states}, own_states(block)
-    return {name if name in known else own.get(name, name): value for name, value in values.items()}
+    full = {name: name if name in known else own.get(name, block.full_state(name)) for name in values}
+    return {full[name]: value for name, value in values.items()}
 
 
 def _given_state(block: Block, x0: Any) -> Array:

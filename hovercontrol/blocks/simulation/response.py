@@ -8,6 +8,7 @@ import control
 import numpy as np
 from matplotlib.figure import Figure
 
+from hovercontrol.base.errors import by_last_part, check_known
 from hovercontrol.base.pyplot import in_front, open_in_pyplot
 from hovercontrol.base.short_repr import listed
 
@@ -40,6 +41,8 @@ class Response(control.TimeResponseData):
         outputs  v [m/s]
         states   v [m/s]
         inputs   a [m/s^2]
+    >>> run["v"]
+    array([0., 1.])
     """
 
     units: dict[str, str]
@@ -55,6 +58,22 @@ class Response(control.TimeResponseData):
                 texts = [f"{name} [{self.units[name]}]" if name in self.units else name for name in names]
                 lines.append(f"    {kind:7}  {listed(texts, len(texts))}")
         return "\n".join(lines)
+
+    def __getitem__(self, name: Any) -> Any:
+        """Return an output, state or input over time, shape (n,), by its name or its last part where unique.
+
+        A number is an index of python-control's tuple: time, outputs, states.
+        """
+        if not isinstance(name, str):
+            return super().__getitem__(name)
+        every: dict[str, Any] = {}
+        for kind, rows in (("input", self.u), ("state", self.x), ("output", self.y)):
+            every |= dict(
+                zip(getattr(self, f"{kind}_labels") or (), rows if rows is not None else (), strict=False)
+            )
+        full = by_last_part(name, every)
+        check_known(full, every, f"response of {self.sysname}: no signal {name!r}")
+        return every[full]
 
     def plot(self, *args: Any, **kwargs: Any) -> control.ControlPlot:
         """Plot outputs and inputs over time, like :func:`control.time_response_plot`, with units on the axes.

@@ -70,7 +70,9 @@ def _alarms(axis, found: Replayed, colours: dict[str, int]) -> None:  # type: ig
     if not names:
         axis.text(0.5, 0.5, "no alarm", transform=axis.transAxes, ha="center", va="center", color="0.4")
     for a in found.alarms:
-        row, colour = names.index(a.name), "0.3" if a.kind == "dead" else f"C{min(colours[a.name], 9)}"
+        row = names.index(a.name)
+        # of a dead sensor and of an unknown change no evidence is drawn
+        colour = f"C{min(colours[a.name], 9)}" if a.kind in ("change", "bias") else "0.3"
         axis.barh(row, max(a.last - a.since, 0.0), left=a.since, height=0.5, color=colour, alpha=0.5)
         axis.plot(a.time, row, marker="v", color=colour, ms=6)
 
