@@ -42,6 +42,8 @@ CONVENTIONS = [
      "x=/odom/pose.pose.position.x,y=/odom/pose.pose.position.y,psi=/odom/pose.pose.orientation.x,/odom/pose.pose.orientation.y,/odom/pose.pose.orientation.z,/odom/pose.pose.orientation.w,u=/odom/twist.twist.linear.x,v=/odom/twist.twist.linear.y,r=/odom/twist.twist.angular.z", "", "REP 103, REP 105"),
     ("ROS `tf2_msgs/TFMessage`", "of the child in its parent", "quaternion x, y, z, w", "none",
      "x=/tf[base_link]/transform.translation.x,y=/tf[base_link]/transform.translation.y,psi=/tf[base_link]/transform.rotation.x,/tf[base_link]/transform.rotation.y,/tf[base_link]/transform.rotation.z,/tf[base_link]/transform.rotation.w", "", "tf2"),
+    ("ROS `tf2_msgs/TFMessage`, through `odom`", "of the child in `map`, transforms composed", "quaternion x, y, z, w", "none",
+     "x=/tf[base_link in map]/transform.translation.x,y=/tf[base_link in map]/transform.translation.y,psi=/tf[base_link in map]/transform.rotation.x,/tf[base_link in map]/transform.rotation.y,/tf[base_link in map]/transform.rotation.z,/tf[base_link in map]/transform.rotation.w", "", "tf2; REP 105"),
     ("PX4 `vehicle_local_position`, `vehicle_attitude`", "x north, y east", "clockwise from north; quaternion w first", "vx, vy along north and east: no u, v",
      "x=vehicle_local_position/x,y=vehicle_local_position/y,psi=vehicle_attitude/q[1],vehicle_attitude/q[2],vehicle_attitude/q[3],vehicle_attitude/q[0]", "ned", "PX4 1.15, message definitions"),
     ("ArduPilot `POS`, `ATT`, `IMU`", "PN north, PE east", "Yaw, clockwise from north, deg", "VN, VE along north and east; GyrZ clockwise",
@@ -51,6 +53,7 @@ CONVENTIONS = [
     ("NMEA 0183", "latitude and longitude", "HDT, THS: clockwise from true north, deg", "speed and course over ground; a course is no heading",
      "x=RMC/lat,RMC/lon:north,y=RMC/lat,RMC/lon:east,psi=HDT/heading", "ned", "IEC 61162-1"),
     ("GPX", "latitude and longitude", "none", "none", "x=lat,lon:east,y=lat,lon:north", "enu", "GPX 1.1"),
+    ("FIT", "latitude and longitude", "none: the heading of `gps_metadata` is a course", "speed over ground", "x=record/position_lat,record/position_long:north,y=record/position_lat,record/position_long:east", "ned", "FIT SDK 21, profile"),
     ("Motive (OptiTrack) CSV", "y up unless exported otherwise", "quaternion x, y, z, w", "none",
      "x=Craft.x,y=Craft.z:-,psi=Craft.qx,Craft.qy,Craft.qz,Craft.qw:y-up", "", "Motive 3, Data Export: CSV; NatNet SDK"),
     ("Motive (OptiTrack) CSV, Euler angles", "y up unless exported otherwise", "about the body's axes in the order of `Rotation Type`", "none",
@@ -70,7 +73,8 @@ _OTHER_LOGS = (
         [(f.name, ", ".join(f"`{s}`" for s in f.suffixes), f.library, f.columns) for f in FORMATS],
     ),
     "ROS 2's bags are also read as the folder into which they were recorded. Files of other suffixes are read as CSV. Frames of CAN are decoded by "
-    "a database (DBC) beside the file: the one of its name, or the only one in the folder. An MCAP file that lost its end is read up to the break.",
+    "a database (DBC) beside the file: the one of its name, or the only one in the folder. Messages of J1939 are known by their parameter group, whatever their source address and priority. "
+    "HDF5, MATLAB 7.3 and C3D are read in a process of their own, since some damaged files crash or stall their libraries. An MCAP file that lost its end is read up to the break.",
     "In CSV these are recognised, and said in one line: commas, semicolons, tabs, bars or blanks between values; decimal commas; UTF-16; "
     "comment lines (`#`, `%`, `//`); lines above the header; units in its names (`x [mm]`, `T [degC]`) or in a line below it, which are converted to SI. Copies of the row before, and a last "
     "line without its end, are left out. `True` and `False` are 1 and 0; durations are seconds (`0.5 sec`, `1 days 00:00:01`).",
@@ -83,7 +87,9 @@ _OTHER_LOGS = (
     "linearly between their rows, commands hold until the next row. A topic's clock is the stamp in the header of its ROS messages where that agrees with the "
     "time of recording to 10 s, else that time; `--columns time=/odom/time` names another. If no topic's stamps agree with it, as in a simulation at another speed, stamps are the clock of all topics. "
     "Dots may be written for slashes: `ATT.Yaw`.",
-    "Elements that messages name are columns by their names, `/joint_states/position[rudder]`. Transforms are a table for each child frame, `/tf[base_link]/transform.translation.x`.",
+    "Elements that messages name are columns by their names, `/joint_states/position[rudder]`. Transforms are a table for each child frame, `/tf[base_link]/transform.translation.x`. "
+    "A body below a moving frame is also a table in each fixed frame, `/tf[base_link in map]/...`: the transforms between them are composed at its stamps as tf2 does, `/tf_static` at all times. "
+    "That pose jumps where a localisation corrects `odom` (REP 105): velocities are better in `odom`.",
     "## Conventions of the formats",
     "What a source means by its columns, and how it is read. The package's own frame is z up: psi turns from x to y, v is positive to the left.",
     table(

@@ -57,9 +57,13 @@ def overview(file: Path, wanted: RequiredColumns, options: str = "") -> str | No
     pairs = ",".join(f"{ours}={theirs}" for ours, theirs in said.items())
     missing = [name for name in (*measured, *inputs) if name not in said]
     hint = f" ({', '.join(missing)}: no name suggests a column)" if missing else ""
-    return "\n".join(
-        [*lines, f"Names suggest{hint}:", f"  hovercontrol check {file} --columns '{pairs}'{options}"]
-    )
+    lines += [f"Names suggest{hint}:", f"  hovercontrol check {file} --columns '{pairs}'{options}"]
+    lines += [
+        f"The same body in another frame, with the corrections of a localisation: {topic.name}"
+        for topic in topics
+        if " in " in topic.name and said.get("x", "").startswith(f"{topic.name.partition(' in ')[0]}]/")
+    ]
+    return "\n".join(lines)
 
 
 def _listed(topic: Topic) -> list[str]:

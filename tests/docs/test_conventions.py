@@ -56,6 +56,38 @@ def ros(folder, transforms):
     return folder / "a"
 
 
+def through_odom(folder):
+    """Write the motion in map through a frame odom that slides and turns."""
+    bag = Bag(folder / "a")
+
+    def message(ns, parent, child, place, angle):
+        turn = bag.Quaternion(0.0, 0.0, np.sin(angle / 2), np.cos(angle / 2))
+        move = bag.store.types["geometry_msgs/msg/Transform"](bag.Vector3(place.real, place.imag, 0.0), turn)
+        return bag.TransformStamped(bag.header(ns, parent), child, move)
+
+    with bag.writer:
+        for k, t in enumerate(TIME):
+            ns, shift, angle = START + round(1e9 * t), complex(0.5 * t, -3.0), 0.4 * t - 1.0
+            local = (complex(EAST[k], NORTH[k]) - shift) * np.exp(-1j * angle)
+            own = message(ns, "odom", "base_link", local, PSI[k] - angle)
+            bag.write("/tf", ns, bag.TFMessage([own, message(ns, "map", "odom", shift, angle)]))
+    return folder / "a"
+
+
+def fit(folder):
+    tool = pytest.importorskip("fit_tool")
+    pytest.importorskip("fitdecode")
+    from fit_tool.profile.messages.record_message import RecordMessage
+
+    out = tool.FitFileBuilder(auto_define=True)
+    for k, (lat, lon) in enumerate(zip(*fixes(), strict=True)):
+        record = RecordMessage()
+        record.timestamp, record.position_lat, record.position_long = 1000 * (START // 10**9 + k), lat, lon
+        out.add(record)
+    out.build().to_file(str(folder / "a.fit"))
+    return folder / "a.fit"
+
+
 def px4(folder):
     def message(kind, body):
         return struct.pack("<HB", len(body), kind[0]) + body
@@ -185,11 +217,13 @@ def trc(folder):
 WRITE = {
     "ROS `nav_msgs/Odometry`": lambda p: ros(p, transforms=False),
     "ROS `tf2_msgs/TFMessage`": lambda p: ros(p, transforms=True),
+    "ROS `tf2_msgs/TFMessage`, through `odom`": through_odom,
     "PX4 `vehicle_local_position`, `vehicle_attitude`": px4,
     "ArduPilot `POS`, `ATT`, `IMU`": ardupilot,
     "MAVLink `LOCAL_POSITION_NED`, `ATTITUDE`": mavlink,
     "NMEA 0183": nmea,
     "GPX": gpx,
+    "FIT": fit,
     "Motive (OptiTrack) CSV": lambda p: motive(p, "Quaternion"),
     "Motive (OptiTrack) CSV, Euler angles": lambda p: motive(p, "YXZ"),
     "Vicon CSV": vicon,
@@ -204,7 +238,8 @@ def test_a_row_read_as_it_says_is_the_motion(tmp_path, row):
     log = in_z_up(hc.read_log(WRITE[row[0]](tmp_path), columns), frame)
     expected = {"x": EAST, "y": NORTH, "psi": PSI, "u": U, "v": V, "r": W}
     assert log.time - log.time[0] == pytest.approx(TIME, abs=1e-6)
+    resolution = 1e-2 if row[0] == "FIT" else 2e-3  # a unit of FIT's positions is 9 mm
     for name in columns:
         origin = log[name][0] if name in "xy" else 0.0
         turns = 2 * np.pi * np.round((log[name] - expected[name]) / (2 * np.pi)) if name == "psi" else 0.0
-        assert log[name] - origin - turns == pytest.approx(expected[name] + 0 * TIME, abs=2e-3), name
+        assert log[name] - origin - turns == pytest.approx(expected[name] + 0 * TIME, abs=resolution), name

@@ -8,6 +8,7 @@ messages without stamps on it, by a topic that has both.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,6 +22,7 @@ from hovercontrol.logs.readers.messages import STAMPS, decoder_of
 from hovercontrol.logs.readers.ros_messages import Block, Key
 from hovercontrol.logs.readers.streams import stream_of
 from hovercontrol.logs.readers.tables import Table, Tables, faults, library
+from hovercontrol.logs.readers.transforms import Link, composed
 
 LATE = 10_000_000_000
 """Largest difference [ns] of a header's stamp from the time of recording: more means another clock."""
@@ -187,11 +189,18 @@ class _Bag:
         stamped = [part for part in parts if part.stamped]
         own_clock = bool(stamped) and not any(part.agrees for part in stamped)
         both = max(stamped, key=lambda part: (part.topic == "/clock", part.recorded.size), default=None)
-        return [
-            self._table(part, _label(part, parts), both if own_clock else None)
+        tables = [
+            (part, self._table(part, _label(part, parts), both if own_clock else None))
             for part in parts
             if len(part.header) > bool(part.stamp)
         ]
+        frames = Counter(part.key[0] for part, _ in tables if _is_transform(part))
+        links = {
+            part.key[0]: Link(part.key[1], table, part.topic)
+            for part, table in tables
+            if _is_transform(part) and frames[part.key[0]] == 1
+        }
+        return [*(table for _, table in tables), *composed(self.file, links)]
 
     def _table(self, part: _Part, label: str, both: _Part | None) -> Table:
         """Return the table of a part; `both` has times of recording and stamps of a clock of its own."""
@@ -234,6 +243,10 @@ class _Bag:
                     found.setdefault(f"{part.topic}/{stem}[{count.get(stem, 0)}]", f"{part.topic}/{short}")
                     count[stem] = count.get(stem, 0) + 1
         return found
+
+
+def _is_transform(part: _Part) -> bool:
+    return bool(part.key[0]) and "transform.translation.x" in part.header
 
 
 def _label(part: _Part, parts: Sequence[_Part]) -> str:

@@ -56,7 +56,8 @@ def fit(file: Path) -> Tables:
 
 def _message(message: Any, units: dict[str, str]) -> tuple[int | None, dict[str, float]]:
     """Return the time [ns] and the numbers of a message; fill in units."""
-    time, values = None, {}
+    time: int | None = None
+    values: dict[str, float] = {}
     for field in message.fields:
         if field.name == "timestamp" and isinstance(field.raw_value, int):
             seconds = field.raw_value

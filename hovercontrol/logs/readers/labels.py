@@ -26,10 +26,6 @@ _MISSING = re.compile(
 
 _NUMBER = re.compile(r"\s*[-+]?(\d+(\.\d*)?|\.\d+)([eE][-+]?\d+)?\s*")
 
-#: Share of the raw range above which a label of a scaled signal is a state of its sensor.
-#: SAE J1939-71, table 1: of n bits the values from 0xFB.. to 0xFF.. are no measurements.
-_VALID = 0xFB / 0x100
-
 
 def is_missing(text: str) -> bool:
     """Return whether a label means that there is no value.
@@ -42,6 +38,20 @@ def is_missing(text: str) -> bool:
     [False, False, False, False, False, False]
     """
     return bool(_MISSING.search(text.replace("_", " ")))
+
+
+def reserved(bits: int) -> tuple[float, float]:
+    """Return the first and last raw value that are no measurement (SAE J1939-71, table 1).
+
+    Of 8 bits and more those from 0xFB.., of fewer the largest.
+
+    Examples
+    --------
+    >>> reserved(8), reserved(16), reserved(2)
+    ((251.0, 255.0), (64256.0, 65535.0), (3.0, 3.0))
+    """
+    last = 2.0**bits - 1.0
+    return (0xFB * 2.0 ** (bits - 8) if bits >= 8 else last), last
 
 
 def labelled(
@@ -73,7 +83,7 @@ def labelled(
         count = int(np.count_nonzero(rows))
         if not count:
             continue
-        beyond = scaled and bits >= 8 and (low >= _VALID * 2.0**bits or low == -(2.0 ** (bits - 1)))
+        beyond = scaled and bits >= 8 and (low >= reserved(bits)[0] or low == -(2.0 ** (bits - 1)))
         if is_missing(text) or beyond:
             values[rows] = np.nan
         elif not scaled and _NUMBER.fullmatch(text):

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from hovercontrol.base.errors import InputError
-from hovercontrol.logs.readers.can import database
+from hovercontrol.logs.readers.can import EXTENDED, Frames, Key, Numbers, decoded
 from hovercontrol.logs.readers.labels import labelled
 from hovercontrol.logs.readers.tables import Table, Tables, faults, library, unit_or_none
 
@@ -33,18 +33,66 @@ def mdf(file: Path) -> Tables:
     module = library(file, "asammdf", "MDF files")
     with faults(file, "MDF"):
         measured = module.MDF(str(file))
-        if any(c.name == "CAN_DataFrame" for group in measured.groups for c in group.channels):
-            measured = measured.extract_bus_logging({"CAN": [(str(database(file)), 0)]})
-        groups = [_Group(file, measured, k, group) for k, group in enumerate(measured.groups)]
+        bus = [k for k, group in enumerate(measured.groups) if _is_bus(group)]
+        groups = [_Group(file, measured, k, group) for k, group in enumerate(measured.groups) if k not in bus]
         for k, group in enumerate(groups):
             if any(other.name == group.name for other in groups[:k]):
                 group.name = f"{group.name}[{k}]"
         shared = Counter(name for group in groups for name in group.channels)
         tables = [group.table(file, {n for n in shared if shared[n] > 1}) for group in groups]
     tables = [table for table in tables if table.rows and len(table.header) > 1]
+    try:
+        tables += decoded(file, lambda numbers: _frames(measured, bus, numbers)) if bus else []
+    except InputError as error:
+        if not tables:
+            raise
+        tables[0].said = str(error).removeprefix(f"{file}: ")
     if not tables:
         raise InputError(f"{file}: an MDF file without channels of numbers")
     return Tables(file, tables)
+
+
+def _is_bus(group: Any) -> bool:
+    """Return whether a group has frames of CAN (ASAM MDF, Bus Logging)."""
+    return any(c.name in ("CAN_DataFrame", "CAN_RemoteFrame", "CAN_ErrorFrame") for c in group.channels)
+
+
+def _frames(measured: Any, bus: Sequence[int], numbers: Numbers) -> tuple[dict[Key, Frames], str]:
+    """Return the frames in groups of a measurement whose arbitration ids are known."""
+    pieces: dict[Key, list[Frames]] = {}
+    for group in bus:
+        names = {c.name for c in measured.groups[group].channels}
+        if "CAN_DataFrame.ID" not in names or not measured.groups[group].channel_group.cycles_nr:
+            continue
+
+        def part(name: str, group: int = group, names: set[str] = names) -> Any:
+            full = f"CAN_DataFrame.{name}"
+            return measured.get(full, group=group, raw=True).samples if full in names else None
+
+        ids, extended, data = part("ID").astype(np.int64), part("IDE"), part("DataBytes")
+        wide = ids >= EXTENDED if extended is None else np.asarray(extended) > 0
+        ids = ids % EXTENDED + np.where(wide, EXTENDED, 0)
+        lengths, channels = part("DataLength"), part("BusChannel")
+        lengths = np.full(len(ids), data.shape[1]) if lengths is None else lengths
+        channels = np.zeros(len(ids), dtype=int) if channels is None else channels
+        times = np.asarray(measured.get_master(group))
+        found: dict[Key, list[int]] = {}
+        for number in np.unique(ids).tolist():
+            if message := numbers[number]:
+                for channel in np.unique(channels[ids == number]).tolist():
+                    found.setdefault((*message, str(channel)), []).append(number)
+        for key, own in found.items():
+            rows = np.isin(ids, own) & (channels == int(key[2]))
+            pieces.setdefault(key, []).append(Frames(times[rows], data[rows], lengths[rows]))
+    return {key: _in_order(own) for key, own in pieces.items()}, ""
+
+
+def _in_order(pieces: Sequence[Frames]) -> Frames:
+    width = max(piece.data.shape[1] for piece in pieces)
+    times, lengths = (np.concatenate([getattr(p, name) for p in pieces]) for name in ("times", "lengths"))
+    data = np.concatenate([np.pad(p.data, ((0, 0), (0, width - p.data.shape[1]))) for p in pieces])
+    order = np.argsort(times, kind="stable")
+    return Frames(times[order], data[order], lengths[order])
 
 
 class _Group:

@@ -8,6 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from hovercontrol.base.errors import ArgumentError, InputError
 from hovercontrol.logs import read_log
+from hovercontrol.logs.overview import overview
+from hovercontrol.logs.required_columns import RequiredColumns
 from tests.logs.readers import written_ros
 
 TIME = 0.02 * np.arange(200)
@@ -157,6 +159,26 @@ def test_transforms_are_a_table_for_each_frame(tmp_path) -> None:
     assert craft["x"] == pytest.approx(0.01 * np.arange(100)) and np.allclose(np.diff(craft.time), 0.02)
     frame = read_log(file, {"x": "/tf[odom]/transform.translation.x"})
     assert np.allclose(frame["x"], 10.0)
+
+
+def test_transforms_are_composed_through_a_frame_that_moves(tmp_path) -> None:
+    """The frame odom drifts and turns in map; the craft is on a known path in map."""
+    file = written_ros.drifting(tmp_path / "a")
+    turn = ",".join(f"/tf[base_link in map]/transform.rotation.{k}" for k in "xyzw")
+    at = {k: f"/tf[base_link in map]/transform.translation.{k}" for k in "xy"}
+    log = read_log(file, {**at, "psi": turn})
+    known = np.isfinite(log["x"])
+    assert np.array_equal(known, np.arange(100) <= 90)  # map -> odom ends at 1.8 s
+    for name, values in written_ros.drifting_path(0.02 * np.arange(91)).items():
+        assert log[name][known] == pytest.approx(values, abs=1e-9), name
+    assert any("base_link <- odom <- map" in note for note in log.notes)
+    listed = overview(file, RequiredColumns(motion=True))
+    assert "--columns 'x=/tf[base_link]/" in listed
+    assert (
+        listed.endswith("localisation: /tf[base_link in world]") and "tion: /tf[base_link in map]\n" in listed
+    )
+    in_world = read_log(file, {k: f"/tf[base_link in world]/transform.translation.{k}" for k in "xy"})
+    assert in_world["x"][known] == pytest.approx(log["x"][known] + 100.0)
 
 
 @pytest.mark.parametrize("speed", [0.5, 3.0])

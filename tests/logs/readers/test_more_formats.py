@@ -151,17 +151,72 @@ def test_can_frames_are_decoded_by_a_database_beside_them(tmp_path: Path, suffix
                 message = base.get_message_by_name(name)
                 out(can.Message(START + t, message.frame_id, data=message.encode(own),
                                 is_extended_id=message.is_extended_frame, channel=0))  # fmt: skip
-    prefix = "" if suffix == "mf4" else "Motion/"
-    columns = f"u={prefix}Speed,r={prefix}Rate,rudder={prefix}Rudder,thrust={prefix}Thrust"
-    log = read_log(file, pairs(columns))
+    log = read_log(file, pairs("u=Motion/Speed,r=Motion/Rate,rudder=Motion/Rudder,thrust=Motion/Thrust"))
     assert log.time - log.time[0] == pytest.approx(TIME, abs=1e-4)
     assert log["u"] == pytest.approx(speed) and log["r"] == pytest.approx(rate)
     assert log["rudder"] == pytest.approx(np.radians(-10.0) + 0 * X)
     assert log["thrust"] == pytest.approx(thrust, nan_ok=True)
     assert any("'SNA' is missing" in note for note in log.notes)
-    if suffix == "blf":
-        one = read_log(file, {"a": "Mux/A"})["a"]
-        assert one == pytest.approx(np.where(np.arange(150) % 2, np.nan, np.arange(150)), nan_ok=True)
+    one = read_log(file, {"a": "Mux/A"})["a"]
+    assert one == pytest.approx(np.where(np.arange(150) % 2, np.nan, np.arange(150)), nan_ok=True)
+
+
+J1939 = """VERSION ""
+BU_: ECU
+BO_ 2364540158 EEC1: 8 ECU
+ SG_ EngineSpeed : 24|16@1+ (0.125,0) [0|8031.875] "rpm" ECU
+ SG_ Counter : 56|8@1+ (1,0) [0|255] "" ECU
+BO_ 2348810494 Torque: 8 ECU
+ SG_ Limit : 16|8@1+ (1,-125) [-125|125] "" ECU
+BO_ 2566844928 Own: 8 ECU
+ SG_ Raw : 0|8@1+ (1,0) [0|0] "" ECU
+"""
+
+
+@pytest.mark.parametrize("suffix", ["blf", "mf4"])
+def test_messages_of_j1939_are_known_by_their_group(tmp_path: Path, suffix: str) -> None:
+    can, tools = pytest.importorskip("can"), pytest.importorskip("cantools")
+    if suffix == "mf4":
+        pytest.importorskip("asammdf")
+    file = tmp_path / f"a.{suffix}"
+    (tmp_path / "boat.dbc").write_text(J1939)
+    base = tools.database.load_string(J1939, "dbc")
+    speed = np.where(np.arange(150) % 10 == 3, 0xFFFF * 0.125, 800.0 + np.round(X))
+    with can.Logger(str(file)) as out:
+        for k, t in enumerate(TIME):
+
+            def send(name: str, number: int, late: float = 0.0, t: float = t, **values: float) -> None:
+                data = base.get_message_by_name(name).encode(values, strict=False, padding=True)
+                out(can.Message(START + t + late, number, data=data, is_extended_id=True, channel=0))
+
+            send("EEC1", 0x0CF00400, EngineSpeed=speed[k], Counter=k + 100)
+            send("EEC1", 0x08F00403, 0.001, EngineSpeed=600.0, Counter=0)  # another engine and priority
+            send("Torque", 0x0C00210B, Limit=k - 100)  # PDU 1: 0x21 is the destination, not the group
+            send("Own", 0x18FEF200, Raw=255)  # the id of the database, that of no group
+    log = read_log(file, pairs("n=EEC1[0x00]/EngineSpeed,c=EEC1[0x00]/Counter,m=Torque/Limit"))
+    lost = np.arange(150) % 10 == 3
+    assert np.array_equal(np.isnan(log["n"]), lost)
+    assert log["n"][~lost] == pytest.approx((800.0 + np.round(X[~lost])) * 2 * np.pi / 60)
+    assert np.array_equal(log["c"], 100.0 + np.arange(150))  # its range is stated as 0 to 255
+    assert np.nanmax(log["m"]) == 49.0
+    assert any("'not available (J1939)' is missing in 15 rows" in note for note in log.notes)
+    assert read_log(file, {"w": "Own/Raw"})["w"].tolist() == [255.0] * 150
+    other = read_log(file, {"n": "EEC1[0x03]/EngineSpeed"})
+    assert other["n"] == pytest.approx(600.0 * 2 * np.pi / 60 + np.zeros(150))
+
+
+@pytest.mark.parametrize("suffix", ["blf", "mf4"])
+def test_a_signal_beyond_the_end_of_a_short_frame_is_missing(tmp_path: Path, suffix: str) -> None:
+    can = pytest.importorskip("can")
+    pytest.importorskip("cantools"), pytest.importorskip("asammdf")
+    (tmp_path / "boat.dbc").write_text(DBC)
+    with can.Logger(str(tmp_path / f"a.{suffix}")) as out:
+        for k, t in enumerate(TIME):
+            data = bytes([k, 0, 0, 0, 100, 0, 0, 0])[: 4 if k % 3 else 8]
+            out(can.Message(START + t, 100, data=data, is_extended_id=False, channel=0))
+    log = read_log(tmp_path / f"a.{suffix}", pairs("u=Motion/Speed,rudder=Motion/Rudder"))
+    assert log["u"] == pytest.approx(0.001 * np.arange(150))
+    assert np.array_equal(np.isnan(log["rudder"]), np.arange(150) % 3 > 0)
 
 
 def test_one_of_several_databases_is_not_guessed(tmp_path: Path) -> None:

@@ -87,6 +87,37 @@ def transforms(folder: Path) -> Path:
     return folder
 
 
+def drifting_path(t: Any) -> dict[str, Any]:
+    """Return the path of a craft in map, in closed form."""
+    return {"x": 2.0 * np.cos(t), "y": 2.0 * np.sin(t), "psi": t + 0.3}
+
+
+def drifting(folder: Path) -> Path:
+    """Write /tf with base_link in odom, and odom in map at a quarter of the rate, which slides and turns.
+
+    The craft follows :func:`drifting_path` in map. /tf_static has map in world, 100 m along x.
+    """
+    bag = Bag(folder)
+
+    def message(ns: int, parent: str, child: str, x: float, y: float, angle: float) -> Any:
+        turn = bag.Quaternion(0.0, 0.0, np.sin(angle / 2), np.cos(angle / 2))
+        move = bag.store.types["geometry_msgs/msg/Transform"](bag.Vector3(x, y, 0.0), turn)
+        return bag.TransformStamped(bag.header(ns, parent), child, move)
+
+    with bag.writer:
+        bag.write("/tf_static", START, bag.TFMessage([message(START, "world", "map", 100.0, 0.0, 0.0)]))
+        for k in range(100):
+            ns, t = START + k * STEP, 0.02 * k
+            own = drifting_path(t)
+            shift, angle = complex(0.5 * t, -0.2 * t), 0.4 * t - 0.5  # of odom in map
+            local = (complex(own["x"], own["y"]) - shift) * np.exp(-1j * angle)
+            both = [message(ns, "odom", "base_link", local.real, local.imag, own["psi"] - angle)]
+            if k % 5 == 0 and k <= 90:
+                both.append(message(ns, "map", "odom", shift.real, shift.imag, angle))
+            bag.write("/tf", ns, bag.TFMessage(both))
+    return folder
+
+
 def simulated(folder: Path, speed: float) -> Path:
     """Write /odom with stamps from 100 s on, and /cmd_vel without, of a simulation at `speed`."""
     bag = Bag(folder)
