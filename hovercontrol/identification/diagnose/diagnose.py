@@ -23,7 +23,8 @@ from hovercontrol.identification.diagnose.evidence.holdout import gap
 from hovercontrol.identification.diagnose.evidence.laws import regime
 from hovercontrol.identification.diagnose.evidence.remainder import missing_forces, remainders
 from hovercontrol.identification.diagnose.evidence.sensors import slow_errors
-from hovercontrol.identification.diagnose.experiment.propose import Search, next_experiment
+from hovercontrol.identification.diagnose.experiment.predict import Search
+from hovercontrol.identification.diagnose.experiment.propose import next_experiment
 from hovercontrol.identification.diagnose.fmu import diagnose_fmu
 from hovercontrol.identification.diagnose.fmu_diagnosis import FmuDiagnosis
 from hovercontrol.identification.diagnose.laws.local import with_functions
@@ -207,7 +208,7 @@ def _diagnosed(
     report(0.96, "searching for the next experiment")
     lacking = [r.equation.removesuffix("'") for r in remains if r.there]
     tellable = yardsticks(final, lacking)
-    experiment, advice = next_experiment(selection, effects, functions, Search(seed))
+    experiment, advice = next_experiment(selection, effects, functions, lacking, Search(seed))
     warnings += switched_off(model, final.model, selection.effects)
     missing = missing_forces(base)
     train_before = gap(base)

@@ -10,7 +10,7 @@ import pytest
 import hovercontrol as hc
 from hovercontrol.app import cli
 from hovercontrol.identification.diagnose.experiment.proposal import Experiment
-from hovercontrol.identification.diagnose.experiment.propose import assurance
+from hovercontrol.identification.diagnose.experiment.separate import assurance
 
 V, F = hc.Signal("v", "m/s"), hc.Signal("F", "m/s^2", lower=0.0, upper=3.0)
 MODEL = """

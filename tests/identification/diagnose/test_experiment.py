@@ -8,7 +8,7 @@ import pytest
 from hovercontrol.blocks.signals import Signal
 from hovercontrol.identification.diagnose import diagnose
 from hovercontrol.identification.diagnose.experiment.manoeuvres import MANOEUVRES, family, reach
-from hovercontrol.identification.diagnose.experiment.propose import sharpen
+from hovercontrol.identification.diagnose.experiment.sharpen import sharpen
 
 from .generator import Conditions, make, simulated
 
@@ -66,7 +66,7 @@ def test_the_added_log_settles_it(unclear, truth):
 def test_a_badly_known_coefficient_has_an_experiment_that_tells_it_better(unclear):
     _, found = unclear
     parameter = found.effects[-1].parameter
-    sharper = sharpen(found.selection.final, parameter)
+    sharper = sharpen(found.selection.final, [parameter], parameter)
     assert sharper.benefit > 1.5
     assert sharper.text.endswith(
         f"the standard error of {parameter} then falls by a factor of {sharper.benefit:.2g}."

@@ -94,7 +94,7 @@ def test_diagnose_names_the_form_and_saves_it(tmp_path: Path) -> None:
 
 
 def test_a_form_that_is_a_line_over_the_logs_pays_for_its_number() -> None:
-    # a v/(b + v) is a line at all large b; the mean likelihood over b and the exact one of a line, by quadrature
+    # a v/(b + v) is a line at all large b: the mean likelihood over b relative to a line's, by quadrature
     grid, std = np.linspace(0.0, 1.0, 6), 0.02
     of, y = Unknown("f", "1", "1", ()), grid + 0.0
     seen = whitened(grid, y, std**2 * np.eye(6), np.linspace(0.0, 1.0, 200))

@@ -13,8 +13,9 @@ from hovercontrol.base.errors import InputError, check_known
 from hovercontrol.craft.models.interface import AnyModel
 from hovercontrol.identification.diagnose.diagnose import diagnose
 from hovercontrol.identification.diagnose.diagnosis import Diagnosis
+from hovercontrol.identification.diagnose.experiment.predict import Search
 from hovercontrol.identification.diagnose.experiment.proposal import Experiment
-from hovercontrol.identification.diagnose.experiment.propose import Search, next_experiment
+from hovercontrol.identification.diagnose.experiment.propose import next_experiment
 from hovercontrol.logs import Log
 
 #: Number of random manoeuvres among those from which an experiment is chosen.
@@ -122,7 +123,8 @@ def experiment(
         k = len(run)
         found = diagnose(model, every, holdout, fixed=fixed, names=names, seed=seed, progress=progress)
         search = Search(seed + k, DRAWN, box)
-        proposal, advice = next_experiment(found.selection, found.effects, found.functions, search)
+        left = [r.equation.removesuffix("'") for r in found.remainders if r.there]
+        proposal, advice = next_experiment(found.selection, found.effects, found.functions, left, search)
         diagnoses.append(replace(found, experiment=proposal, advice=advice))
         if proposal is None or fly is None or k == flights:
             return Campaign(tuple(diagnoses), tuple(run), tuple(every))
