@@ -57,12 +57,12 @@ def overview(file: Path, wanted: RequiredColumns, options: str = "") -> str | No
     pairs = ",".join(f"{ours}={theirs}" for ours, theirs in said.items())
     missing = [name for name in (*measured, *inputs) if name not in said]
     hint = f" ({', '.join(missing)}: no name suggests a column)" if missing else ""
-    lines += [f"Names suggest{hint}:", f"  hovercontrol check {file} --columns '{pairs}'{options}"]
     lines += [
-        f"The same body in another frame, with the corrections of a localisation: {topic.name}"
+        f"{topic.name} has the same body, with the corrections of a localisation"
         for topic in topics
         if " in " in topic.name and said.get("x", "").startswith(f"{topic.name.partition(' in ')[0]}]/")
     ]
+    lines += [f"Names suggest{hint}:", f"  hovercontrol check {file} --columns '{pairs}'{options}"]
     return "\n".join(lines)
 
 
