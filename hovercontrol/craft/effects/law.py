@@ -26,7 +26,9 @@ One factor may be a curve with numbers of its own, by which a law acts in one re
 
 Or it is a table, f(a): straight lines through the values y1 to y5 at evenly spaced a, of which ``hump_a`` is
 zero below `low` and above `high`, ``rise_a`` is zero below `low` and stays y5 from `high` on, and ``fall_a``
-is y1 up to `low` and zero above `high`. A curve or table may be one of abs(a): ``rise_abs_a``.
+is y1 up to `low` and zero above `high`. Or it is one within a range of a and zero elsewhere: ``above_a``,
+``below_a`` and ``between_a``; between the two rows of a log next to its limit it is a straight line. Each may
+be a function of abs(a): ``rise_abs_a``.
 """
 
 from __future__ import annotations
@@ -111,6 +113,14 @@ OPERATIONS: Mapping[str, Operation] = {
     "logistic": Operation(
         lambda a, c: 1 / (1 + sp.exp((c.at - a) / c.wide)), 0, "1/(1 + exp((at - {})/wide))", ("at", "wide")
     ),
+    "above": Operation(lambda a, c: _step(a, c.low, c.high), 0, "[{} > high]", ("low", "high")),
+    "below": Operation(lambda a, c: 1 - _step(a, c.low, c.high), 0, "[{} < low]", ("low", "high")),
+    "between": Operation(
+        lambda a, c: _step(a, c.low, c.rises) - _step(a, c.falls, c.high),
+        0,
+        "[low < {} < high]",
+        ("low", "rises", "falls", "high"),
+    ),
     "hump": Operation(lambda a, c: _table(a, c, 0, 0), 0, "f({})", ("low", "high")),
     "rise": Operation(lambda a, c: _table(a, c, 0, None), 0, "f({})", ("low", "high")),
     "fall": Operation(lambda a, c: _table(a, c, None, 0), 0, "f({})", ("low", "high")),
@@ -119,8 +129,11 @@ OPERATIONS: Mapping[str, Operation] = {
 #: The operations that are tables, and their values.
 TABLES, VALUES = ("hump", "rise", "fall"), ("y1", "y2", "y3", "y4", "y5")
 
-#: The operations that are curves with numbers of their own.
-CURVES = tuple(n for n, o in OPERATIONS.items() if o.numbers and n not in TABLES)
+#: The operations that are one within a range and zero elsewhere.
+WINDOWS = ("above", "below", "between")
+
+#: The operations that are curves with numbers of their own, which a fit estimates.
+CURVES = tuple(n for n, o in OPERATIONS.items() if o.numbers and n not in (*TABLES, *WINDOWS))
 
 #: The operations that need an angle.
 TRIGONOMETRIC = ("sin", "cos", "sin2", "cos2")
@@ -139,6 +152,11 @@ def knots(operation: str, low: float, high: float) -> list[float]:
     """
     n, first = (6 if operation == "hump" else 5), (0 if operation == "fall" else 1)
     return [low + (high - low) * (first + k) / n for k in range(5)]
+
+
+def _step(a: Any, low: Any, high: Any) -> Any:
+    """Return zero below `low`, one above `high`, and a straight line between."""
+    return sp.Min(sp.Max((a - low) / (high - low), 0), 1)
 
 
 def _table(a: Any, c: Any, before: int | None, after: int | None) -> Any:
@@ -362,7 +380,11 @@ def _factor(name: str, word: str, units: Mapping[str, str]) -> Factor:
     if word in units:
         return Factor("", word)
     operation, _, signal = word.partition("_")
-    if operation in (*CURVES, *TABLES) and signal.removeprefix("abs_") in units and signal not in units:
+    if (
+        operation in (*CURVES, *TABLES, *WINDOWS)
+        and signal.removeprefix("abs_") in units
+        and signal not in units
+    ):
         return Factor(operation, signal.removeprefix("abs_"), of_abs=True)
     if operation not in OPERATIONS or not operation or signal not in units:
         known = [*units, *(f"{o}_{s}" for o in OPERATIONS if o for s in units)]
@@ -407,6 +429,8 @@ def _own_numbers(local: Factor, signal_unit: str, unit: str) -> dict[str, Any]:
     if local.operation in TABLES:
         ends = {n: Shape(signal_unit, fixed=True) for n in names}
         return ends | {y: Coefficient(unit, default=0.0) for y in VALUES}
+    if local.operation in WINDOWS:
+        return {"value": Coefficient(unit), **{n: Shape(signal_unit, fixed=True) for n in names}}
     lower = -math.inf if OPERATIONS[local.operation].signed and not local.of_abs else TINY
     shapes = {n: Shape(signal_unit, lower=lower, search=LEVELS, of="signal") for n in names}
     return {"value": Coefficient(unit), **shapes}

@@ -25,7 +25,8 @@ from hovercontrol.identification.diagnose.evidence.missing import Missing
 from hovercontrol.identification.diagnose.evidence.remainder import Remainder
 from hovercontrol.identification.diagnose.evidence.sensors import SlowError
 from hovercontrol.identification.diagnose.experiment.proposal import Experiment
-from hovercontrol.identification.diagnose.laws.scan import Yardstick, region_of
+from hovercontrol.identification.diagnose.laws.regions import Range, acting_side, region_of
+from hovercontrol.identification.diagnose.laws.scan import Yardstick
 from hovercontrol.identification.diagnose.places import acts_in, place_of, place_of_rival
 from hovercontrol.identification.diagnose.search.confirm import Rival, Selection
 from hovercontrol.identification.diagnose.search.leads import Lead
@@ -291,7 +292,7 @@ class Diagnosis:
                 "std": main.std,
                 "unit": main.unit,
                 "numbers": {e.parameter: {"value": e.value, "std": e.std, "unit": e.unit} for e in own},
-                "region": region_of(self.amended.effect(name)) or None,
+                "region": self.region(name) or None,
                 "function": self.function(name),
                 "evidence": self.evidence[name].result(),
                 "readings": [name, *(r.name for r in self.rivals if r.same and r.instead_of == name)],
@@ -299,6 +300,16 @@ class Diagnosis:
             for name, own in numbers.items()
             for main in (peak_of(own),)
         ]
+
+    def region(self, name: str) -> list[Range]:
+        """Return the ranges of a signal in which a named effect acts; empty if everywhere.
+
+        Parameters
+        ----------
+        name : str
+        """
+        e = self.amended.effect(name)
+        return region_of(e) or acting_side(self.model, self.amended, e)
 
     def function(self, name: str) -> dict[str, Any] | None:
         """Return a named effect that is a table: signals, grid, values and their standard errors; else None.

@@ -52,6 +52,19 @@ def test_a_table_is_numpys_interpolation(name, at, values):
     assert term(name, low=-1.0, high=2.0, **Y) == pytest.approx(np.interp(A, at, values))
 
 
+@pytest.mark.parametrize(
+    ("name", "numbers", "values"),
+    [
+        ("law_r__above_r", {"low": 0.4, "high": 0.5}, [0.0, 1.0]),
+        ("law_r__below_r", {"low": 0.4, "high": 0.5}, [1.0, 0.0]),
+        ("law_r__between_r", {"low": -1.0, "rises": -0.9, "falls": 1.4, "high": 1.7}, [0.0, 1.0, 1.0, 0.0]),
+    ],
+)
+def test_a_range_is_numpys_interpolation(name, numbers, values):
+    wanted = np.interp(A, list(numbers.values()), values)
+    assert term(name, value=-2.0, **numbers) == pytest.approx(-2.0 * wanted)
+
+
 def test_a_model_file_holds_a_function_of_a_size(tmp_path):
     craft = hc.vehicle("c17_simulation")
     law = craft.effect_class("law_r__r__rise_abs_r")(low=0.2, high=1.0, **Y)

@@ -62,7 +62,8 @@ def test_what_predicts_better_stays(sloped):
 
 
 def test_a_model_that_diverges_on_the_held_out_log_is_refuted_by_it(sloped, monkeypatch):
-    case, base, fit, _ = sloped
+    case, base, fit, other = sloped
+    instead = Tried("rudder_offset", other, 30.0, agreement(other, base, "rudder_offset"), 1)
 
     def diverging(model, *rest):
         if "slope" in [e.name for e in model.effects]:
@@ -70,7 +71,8 @@ def test_a_model_that_diverges_on_the_held_out_log_is_refuted_by_it(sloped, monk
         return held_fit(model, *rest)
 
     monkeypatch.setattr("hovercontrol.identification.diagnose.search.hold_out.held_fit", diverging)
-    found = held_out(selection(base, fit, "slope"), gather(case.model, [case.holdout]))
+    given = selection(base, fit, "slope", (("slope", instead),))
+    found = held_out(given, gather(case.model, [case.holdout]))
     assert not found.selection.effects and found.selection.final is base
     assert found.selection.leads[0].reason == "the model with it diverges on the held-out log"
 

@@ -141,7 +141,16 @@ def test_a_remainder_is_told_beside_the_name(gusty, pages):
         assert r.rms > 0 and f"in {r.equation[0]}′" in said
     assert "(averaged over 0.2 s); it is largest in" in said
     _, text = read(pages["partial"])
-    assert "By position" in text and "explained" in text.partition("Unmodelled residual Root")[2]
+    assert "explained" in text.partition("Unmodelled residual Root")[2]
+
+
+def test_a_page_says_where_what_is_missing_acts_over_signals_place_and_time(pages):
+    _, text = read(pages["effect"])
+    where = text.partition("Where the model lacks something")[2].partition("What was added")[0]
+    assert "slope u′, v′ everywhere" in where and "of the rows; in log 1" in where
+    for equation in ("u′", "v′"):  # a slope's force turns with the heading
+        assert f"In {equation}" in where
+    assert where.count("over psi") == 2 and "by position" in where and "Over time, in log" in where
 
 
 def test_an_effect_of_no_catalogue_is_told_with_how_to_have_it_named(patched):

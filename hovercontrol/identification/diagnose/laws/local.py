@@ -12,7 +12,7 @@ searched first.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 from hovercontrol.base.arrays import Array
@@ -72,11 +72,13 @@ def with_functions(
     report("looking for what acts in one regime only")
     final, added = found.selection.final, dict[str, int]()
     seen = _locals(final, criteria, rows)
-    for local, along in function_names(final, seen, model, criteria, rows):
-        t = _fitted(search, final, local, along)
+    likely = function_names(final, [one for same in seen for one in same], model, criteria, rows)
+    for equation in dict.fromkeys(local.equation for local, _ in likely):
+        t = _fitted(search, final, [one for one in likely if one[0].equation == equation])
         if t is not None:
-            final, added[t.name] = t.fit, local.among
-    unnamed = replace(given, selection=replace(given.selection, regions=tuple(one for one, _ in seen)))
+            final, added[t.name] = t.fit, likely[0][0].among
+    regions = tuple(same[0][0] for same in seen)
+    unnamed = replace(given, selection=replace(given.selection, regions=regions))
     if not added:
         return unnamed
     more = _selected(search, found.selection, final, added)
@@ -100,10 +102,9 @@ def _of_wrong_form(selection: Selection, criteria: Criteria, rows: list[Decision
     for name in selection.effects:
         signals, equations = own_signals(final, name)
         gains = [
-            one.gain
+            Scan(final, e, signals).yardstick().gain
             for e, left in zip(final.problem.driven_names, criteria.left(final), strict=True)
             if left and e in equations
-            for one in Scan(final, e, signals).found()
         ]
         gain, rule = max(gains, default=0.0), "gain of functions of its own signals beside it, below"
         rows.append(Decision("challenge", name, rule, gain, criteria.least, gain < criteria.least))
@@ -134,19 +135,22 @@ def own_signals(fit: Fit, name: str) -> tuple[set[str], set[str]]:
     return signals & set(problem.model.law_units()), equations
 
 
-def _locals(final: Fit, criteria: Criteria, rows: list[Decision]) -> list[tuple[Local, Array]]:
-    """Return the function that gains most in each equation with more than noise, the best first.
+def _locals(final: Fit, criteria: Criteria, rows: list[Decision]) -> list[list[tuple[Local, Array]]]:
+    """Return the functions that gain most in each equation with more than noise, the best first.
 
-    With its signal along the logs.
+    With their signals along the logs.
     """
     found = []
     for equation, left in zip(final.problem.driven_names, criteria.left(final), strict=True):
         scan = Scan(final, equation) if left else None
+        same = []
         for local in scan.found() if scan else ():
             rule, passed = "gain of the function on left-out segments, at least", local.gain >= criteria.least
-            rows.append(Decision("score", local.table(), rule, local.gain, criteria.least, passed))
-            found += [(local, scan.values[local.of.signal])] if scan and passed else []
-    return sorted(found, key=lambda one: -one[0].gain)
+            if local.ends:
+                rows.append(Decision("score", local.table(), rule, local.gain, criteria.least, passed))
+            same += [(local, scan.values[local.of.signal])] if scan and passed else []
+        found += [same] if same else []
+    return sorted(found, key=lambda same: -same[0][0].gain)
 
 
 def function_names(
@@ -172,25 +176,47 @@ def function_names(
     return found
 
 
-def _fitted(search: Search, final: Fit, local: Local, along: Array) -> Tried | None:
-    """Return the fit with a function as a table, or with a form of few numbers that is as likely."""
+def _fitted(search: Search, final: Fit, found: Sequence[tuple[Local, Array]]) -> Tried | None:
+    """Return the fit with the likeliest of functions, or with a form of few numbers that is as likely."""
     model, criteria = final.problem.model, search.criteria
-    search.report(f"trying a function of {local.of.argument} in {local.equation}'")
-    table = model.effect_class(local.table())(low=local.low, high=local.high)
-    tried = try_effect(search, final, table)
-    if tried is None or tried.gain < criteria.least:
+    fits = []
+    for local, along in found:
+        t = _added(search, final, local)
+        fits += [(t, local, along)] if t and t.gain >= criteria.least else []
+    if not fits:
         return None
-    fits = [tried]
-    law = tried.fit.model.effect(table.name)
-    assert isinstance(law, TableLaw)
+    best, local, along = min(fits, key=lambda one: criteria.penalised(one[0].fit))
+    law = best.fit.model.effect(best.name)
+    if not isinstance(law, TableLaw):
+        return _nearest_to_given(search, [best, *(_added(search, final, one) for one in local.complement())])
+    forms = [best]
     for form in nearest(model, local.forms(), law, along)[:FORMS]:
         search.report(f"trying {form.name} in its place")
         try:
-            fit = search.fit(tried.fit, final.model.with_effects([form]))
+            fit = search.fit(best.fit, final.model.with_effects([form]))
         except FloatingPointError:
             continue
-        fits.append(beside(fit, final, form.name))
-    return min(fits, key=lambda t: criteria.penalised(t.fit))
+        forms.append(beside(fit, final, form.name))
+    return min(forms, key=lambda t: criteria.penalised(t.fit))
+
+
+def _added(search: Search, final: Fit, local: Local) -> Tried | None:
+    """Return the fit with a function."""
+    search.report(f"trying a function of {local.of.argument} in {local.equation}'")
+    cls = final.problem.model.effect_class(local.table())
+    start = {"value": 0.0} if "value" in cls.numbers else {}
+    return try_effect(search, final, cls(**start, **local.numbers()))
+
+
+def _nearest_to_given(search: Search, tried: Sequence[Tried | None]) -> Tried:
+    """Return the fit with a range or with all outside it; of two as likely, that nearest to the given model.
+
+    A drag that is larger below a speed is one that is smaller above it, with another coefficient.
+    """
+    fits = [t for t in tried if t is not None]
+    most = max(t.gain for t in fits)
+    near = [t for t in fits if t.gain > most - search.criteria.apart]
+    return min(near, key=lambda t: t.fit.prior.cost(t.fit.problem.inside(t.fit.p)))
 
 
 def _selected(search: Search, selection: Selection, final: Fit, added: Mapping[str, int]) -> Selection:

@@ -1,7 +1,8 @@
 """A scan for what acts in one regime only: functions of one signal, on the whitened rows of a fit.
 
-In each equation the missing term is ``b f(a)``: a factor b (1, a signal, or a product of two) times a
-function f of one signal a or of its size. So each coefficient of the model may differ with each signal. f is
+In each equation the missing term is ``b f(a)``: a factor b (1, a signal, a product of two commands, or what
+multiplies a coefficient of the model) times a function f of one signal a or of its size. So each coefficient
+of the model may differ with each signal. f is
 a sum of hats (linear splines) with knots at quantiles of a. The columns ``b hat_k(a)`` are whitened like
 those of any candidate; gains are counted on blocks that did not choose their coefficients, so that a scan of
 many functions needs no further level. f acts where its hats are needed: the fewest neighbours that gain as
@@ -13,36 +14,34 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TypeAlias
 from weakref import WeakKeyDictionary
 
 import numpy as np
+import sympy as sp
 
 from hovercontrol.base.arrays import Array
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.short_repr import short_repr
-from hovercontrol.craft.effects import Effect
 from hovercontrol.craft.effects.law import (
     CURVES,
-    VALUES,
+    OPERATIONS,
+    WINDOWS,
     Factor,
     Law,
-    TableLaw,
-    knots,
     law_class,
     law_name,
 )
 from hovercontrol.identification.diagnose.criteria import CRITERIA
+from hovercontrol.identification.diagnose.laws.ends import hats, placed
 from hovercontrol.identification.diagnose.laws.grammar import signals_of
+from hovercontrol.identification.diagnose.laws.regions import Range, ranges, window_ranges
 from hovercontrol.identification.diagnose.laws.symmetry import broken_by, symmetries
 from hovercontrol.identification.diagnose.search.columns import Along
 from hovercontrol.identification.engine.fit import Fit
 from hovercontrol.identification.engine.kalman import run_filter
 from hovercontrol.identification.engine.noise import augment
 from hovercontrol.identification.engine.passes import inverse, left_out_gain
-
-#: A range of a signal: its name, and the limits, None without one.
-Range: TypeAlias = dict[str, float | str | None]
+from hovercontrol.identification.engine.subject import Subject, structure
 
 #: Number of hats of a function.
 KNOTS = 8
@@ -53,11 +52,9 @@ RIDGES = (1e-3, 1e-1, 1.0)
 #: Most columns that are whitened together.
 TOGETHER = 64
 
-#: Most times that the ends of a table are moved.
-ROUNDS = 4
-
-#: A table acts where it exceeds this part of its largest value.
-FLOOR = 0.1
+#: Number of functions whose ends are sought, the part of the largest gain that they have at least, and how
+#: many are fitted.
+FEW, NEAR, FITTED = 6, 0.3, 4
 
 
 @checked
@@ -119,9 +116,10 @@ class Local:
     among : int
         The number of functions from which it was chosen.
     kind : str
-        ``"hump"``, ``"rise"`` or ``"fall"``: zero on both sides, below, or above.
-    low, high : float
-        Between which the function changes.
+        The operation: a table, ``"hump"``, ``"rise"`` or ``"fall"``, which is zero on both sides, below, or
+        above; or one of :data:`WINDOWS`.
+    ends : tuple of float
+        The numbers of the operation: between which the function changes.
     """
 
     equation: str
@@ -130,8 +128,7 @@ class Local:
     gain: float
     among: int = 1
     kind: str = ""
-    low: float = 0.0
-    high: float = 0.0
+    ends: tuple[float, ...] = ()
 
     __repr__ = short_repr
 
@@ -144,13 +141,24 @@ class Local:
         """Return the name of the law that is this function as a table."""
         return law_name(self.equation, (*self.by, Factor(self.kind, self.of.signal, self.of.of_abs)))
 
+    def numbers(self) -> dict[str, float]:
+        """Return the numbers of its law that say where it acts."""
+        return dict(zip(OPERATIONS[self.kind].numbers, self.ends, strict=True))
+
     def region(self) -> list[Range]:
         """Return where it acts, as :func:`region_of`."""
-        low = None if self.kind == "fall" else self.low
-        return ranges(self.of, low, None if self.kind == "rise" else self.high)
+        if self.kind in WINDOWS:
+            return window_ranges(self.of, self.kind, self.ends)
+        low, high = self.ends
+        return ranges(self.of, None if self.kind == "fall" else low, None if self.kind == "rise" else high)
+
+    def complement(self) -> list[Local]:
+        """Return the range of all other values, of a range with one limit."""
+        other = {"above": "below", "below": "above"}.get(self.kind)
+        return [replace(self, kind=other)] if other else []
 
     def forms(self) -> list[str]:
-        """Return the names of laws of few numbers with a form in place of the function."""
+        """Return the names of laws of few numbers with a form in place of a table."""
         signal, by = self.of.signal, self.by
         own = Factor("", signal)
         rest = tuple(f for f in by if f != own)
@@ -164,23 +172,33 @@ class Local:
         return [law_name(self.equation, product) for product in found]
 
 
-def hats(values: Array, knots: Array) -> Array:
-    """Return the linear B-splines at values, shape (k, *values.shape); they sum to one.
-
-    Parameters
-    ----------
-    values : ndarray
-    knots : ndarray, shape (k,)
-        Increasing; beyond the ends the outer hats stay at one.
+def known_products(model: Subject, equation: str, signals: Sequence[str]) -> list[tuple[Factor, ...]]:
+    """Return the products of signals, or of their sizes, that a model multiplies by coefficients.
 
     Examples
     --------
-    >>> hats(np.array([0.0, 0.25, 5.0]), np.array([0.0, 1.0])).tolist()
-    [[1.0, 0.75, 0.0], [0.0, 0.25, 1.0]]
+    >>> import hovercontrol as hc
+    >>> known_products(hc.vehicle("c17_experiment"), "v", ["u", "v", "r", "thrust"])
+    []
+    >>> u, d, k, c = (hc.Signal(name, "1/s" if name in "kc" else "1") for name in "udkc")
+    >>> law = k.symbol * u.symbol * d.symbol - c.symbol * u.symbol * sp.Abs(u.symbol)
+    >>> found = known_products(hc.BlockModel(hc.Block("ship", [u], [d], [u], [k, c], {"u": law})), "u", "ud")
+    >>> [" ".join(f.text for f in product) for product in found]
+    ['abs(u) u', 'd u']
     """
-    # the place of a value among the knots, counted from the first, and its distance from each of them
-    place = np.interp(values, knots, np.arange(knots.size))
-    return np.maximum(1.0 - np.abs(place - np.arange(knots.size).reshape(-1, *[1] * place.ndim)), 0.0)
+    block = structure(model)
+    own = {
+        block.signal(n).symbol: n for n in signals if n in {s.name for s in (*block.states, *block.inputs)}
+    }
+    others = {s.symbol for s in block.parameters}
+    forms = {sp.Abs(symbol): Factor("abs", n) for symbol, n in own.items()}
+    forms |= {symbol: Factor("", n) for symbol, n in own.items()}
+    found = set[tuple[Factor, ...]]()
+    for term in sp.Add.make_args(block.expand(block.derivatives[equation]).expand()):
+        rest = [f for f in sp.Mul.make_args(term) if not f.is_number and f not in others]
+        if len(rest) > 1 and term.free_symbols & others and all(f in forms for f in rest):
+            found.add(tuple(sorted((forms[f] for f in rest), key=lambda f: f.text)))
+    return sorted(found, key=lambda product: [f.text for f in product])
 
 
 def yardsticks(fit: Fit, equations: Sequence[str]) -> tuple[Yardstick, ...]:
@@ -196,7 +214,7 @@ def yardsticks(fit: Fit, equations: Sequence[str]) -> tuple[Yardstick, ...]:
     return tuple(Scan(fit, equation).yardstick() for equation in equations)
 
 
-#: The function of all signals that gains most in an equation of a fit.
+#: The functions of all signals that gain most in an equation of a fit.
 _BEST: WeakKeyDictionary[Fit, dict[str, list[tuple[Local, Array, Array]]]] = WeakKeyDictionary()
 
 
@@ -237,7 +255,7 @@ class Scan:
         """Return the function that gains most, wherever it acts."""
         none = np.zeros(0)
         for local, G, f in self._best():
-            places, ridge = self._knots(local.of), self._ridge(G, f)
+            places, ridge = self.knots(local.of), self._ridge(G, f)
             prior = np.zeros(G.shape[1])
             prior[: self._P] = self.fit.prior.precision[: self._P]
             prior[self._P :] = ridge * self._size(G)
@@ -248,8 +266,18 @@ class Scan:
         return Yardstick(f"{self.equation}'", (), 0.0, none, none, none)
 
     def found(self) -> list[Local]:
-        """Return the function that gains most where it acts, or nothing."""
-        return [self._placed(*one) for one in self._best()]
+        """Return the functions that gain most where they act, the best first; at most :data:`FITTED`.
+
+        Knots far apart show where a function acts only roughly, so the few that gain most are compared with
+        the ends at which each gains most. These gains are under the noise of a fit without them, which holds
+        part of what they add: fits must decide.
+        """
+        best = self._best()
+        if not best or best[0][0].gain < CRITERIA.least:
+            return [local for local, _, _ in best[:1]]
+        most = max(local.gain for local, _, _ in best)
+        found = [one for local, _, _ in best if local.gain > NEAR * most for one in placed(self, local)]
+        return self._simplest(found)[:FITTED]
 
     def best(self) -> Local | None:
         """Return the function that gains most, wherever it acts; None if none gains."""
@@ -265,35 +293,39 @@ class Scan:
         return np.asarray(next(self._products([(local.by, local.of, own)]))[1].sum(axis=0))
 
     def _best(self) -> list[tuple[Local, Array, Array]]:
-        """Return the function that gains most, or nothing; of all signals it is sought once a fit."""
+        """Return the functions that gain most; of all signals they are sought once a fit."""
         if not self._of_all:
-            return self._tried()[:1]
+            return self._tried()[:FEW]
         known = _BEST.setdefault(self.fit, {})
         if self.equation not in known:
-            known[self.equation] = self._tried()[:1]
+            known[self.equation] = self._tried()[:FEW]
         return known[self.equation]
 
     def _tried(self) -> list[tuple[Local, Array, Array]]:
         """Return the functions that gain, the best first, with their products and scores."""
-        pairs = list(self._pairs())
-        knots_of = {of: self._knots(of) for of in dict.fromkeys(of for _, of in pairs)}
+        pairs = list(dict.fromkeys(self._pairs()))
+        knots_of = {of: self.knots(of) for of in dict.fromkeys(of for _, of in pairs)}
         found: list[tuple[Local, Array, Array]] = []
-        for own, G, f in self._products([(by, of, hats(self._of(of), knots_of[of])) for by, of in pairs]):
+        for own, G, f in self.products(
+            [(by, of, hats(self.along_logs(of), knots_of[of])) for by, of in pairs]
+        ):
             by, of = own
             gain = max(self._gain(G, f, ridge) for ridge in RIDGES)
             found.append((Local(self.equation, by, of, gain, len(pairs)), G, f))
-        return self._simplest([one for one in found if one[0].gain > 0.0])
+        found = [one for one in found if one[0].gain > 0.0]
+        order = self._simplest([one[0] for one in found])
+        return sorted(found, key=lambda one: order.index(one[0]))
 
-    def _simplest(self, found: list[tuple[Local, Array, Array]]) -> list[tuple[Local, Array, Array]]:
+    def _simplest(self, found: list[Local]) -> list[Local]:
         """Return functions, the best first; of those as likely, one that keeps the model's symmetries."""
         model = self.fit.problem.model
-        signs, most = symmetries(model), max((one[0].gain for one in found), default=0.0)
+        signs, most = symmetries(model), max((one.gain for one in found), default=0.0)
 
-        def place(one: tuple[Local, Array, Array]) -> tuple[bool, int, int, float]:
-            if one[0].gain < most - CRITERIA.apart:
-                return True, 0, 0, -one[0].gain
-            law = law_class(replace(one[0], kind="hump").table(), model.law_units())
-            return False, broken_by(law, signs), len(one[0].by), -one[0].gain
+        def place(one: Local) -> tuple[bool, int, int, float]:
+            if one.gain < most - CRITERIA.apart:
+                return True, 0, 0, -one.gain
+            law = law_class(replace(one, kind=one.kind or "hump").table(), model.law_units())
+            return False, broken_by(law, signs), len(one.by), -one.gain
 
         return sorted(found, key=place)
 
@@ -302,24 +334,25 @@ class Scan:
         inputs = [n for n in self._moving if n in self._inputs]
         by: list[tuple[Factor, ...]] = [(), *((Factor("", n),) for n in self._moving)]
         by += [(Factor("", a), Factor("", b)) for a, b in itertools.combinations(inputs, 2)]
+        by += known_products(self.fit.problem.model, self.equation, self._moving)
         for factors, name in itertools.product(by, self.values):
             values = self.values[name]
-            own = any(f.signal == name for f in factors)
-            if not own or len(factors) > 1:
+            if {f.signal for f in factors} != {name}:
                 yield factors, Factor("", name)
             if values.min() < -0.1 * np.ptp(values) and values.max() > 0.1 * np.ptp(values):
                 yield factors, Factor("", name, of_abs=True)
 
-    def _of(self, of: Factor) -> Array:
+    def along_logs(self, of: Factor) -> Array:
+        """Return what a function is of, along the logs."""
         values = self.values[of.signal]
         return np.abs(values) if of.of_abs else values
 
-    def _knots(self, of: Factor) -> Array:
-        """Return knots at quantiles, from 1 % to 99 %."""
-        found = np.unique(np.quantile(self._of(of), np.linspace(0.01, 0.99, KNOTS)))
+    def knots(self, of: Factor, n: int = KNOTS) -> Array:
+        """Return n knots at quantiles, from 1 % to 99 %."""
+        found = np.unique(np.quantile(self.along_logs(of), np.linspace(0.01, 0.99, n)))
         return np.asarray(found if found.size > 1 else np.array([found[0], found[0] + 1.0]))
 
-    def _products(
+    def products(
         self, terms: Sequence[tuple[tuple[Factor, ...], Factor, Array]]
     ) -> Iterator[tuple[tuple[tuple[Factor, ...], Factor], Array, Array]]:
         """Return the products of the unknowns and the columns of each term, and their scores, by block."""
@@ -345,14 +378,29 @@ class Scan:
     def _factor(self, by: tuple[Factor, ...]) -> Array:
         found = np.ones(())
         for f in by:
-            found = found * self.values[f.signal]
+            values = self.values[f.signal]
+            found = found * (np.abs(values) if f.operation == "abs" else values)
         return found
 
-    def _gain(self, G: Array, f: Array, ridge: float, hat: Sequence[int] | None = None) -> float:
-        """Return the gain on left-out blocks of some of the hats, beyond that of the unknowns alone."""
+    def gain_of(self, G: Array, f: Array, T: Array) -> float:
+        """Return the gain on left-out blocks of functions that are sums of hats.
+
+        Parameters
+        ----------
+        G, f : ndarray
+            Products of the unknowns and the hats, and scores (:meth:`products`).
+        T : ndarray, shape (k, hats)
+            What each function has of each hat.
+        """
+        B = np.eye(G.shape[1])[:, : self._P]
+        B = np.hstack([B, np.vstack([np.zeros((self._P, len(T))), T.T])])
+        return self._gain(B.T @ G @ B, f @ B, RIDGES[0])
+
+    def _gain(self, G: Array, f: Array, ridge: float) -> float:
+        """Return the gain of hats on left-out blocks, beyond that of the unknowns alone."""
         fit, P = self.fit, self._P
         movable = fit.movable.tolist() if P else []
-        own = [P + k for k in (range(G.shape[1] - P) if hat is None else hat)]
+        own = list(range(P, G.shape[1]))
         rows = [*movable, *own]
         prior = np.r_[fit.prior.precision[movable], np.full(len(own), ridge * self._size(G))]
         pull = np.r_[fit.prior.slope(fit.problem.inside(fit.p))[movable], np.zeros(len(own))]
@@ -369,84 +417,3 @@ class Scan:
 
     def _ridge(self, G: Array, f: Array) -> float:
         return max(RIDGES, key=lambda r: self._gain(G, f, r))
-
-    def _placed(self, local: Local, G: Array, f: Array) -> Local:
-        """Return a function with the fewest neighbouring hats that gain as much, as the ends of a table."""
-        places, ridge = self._knots(local.of), self._ridge(G, f)
-        n = places.size
-        spans = [(i, j) for i in range(n) for j in range(i, n) if not (i == 0 and j == n - 1)]
-        gains = {span: self._gain(G, f, ridge, range(span[0], span[1] + 1)) for span in spans}
-        most = max(gains.values())
-        near = [s for s, g in gains.items() if g > most - CRITERIA.apart]
-        i, j = min(near, key=lambda s: (s[1] - s[0], -gains[s]))
-        kind = "fall" if i == 0 else "rise" if j == n - 1 else "hump"
-        low, high = places[max(i - 1, 0)], places[min(j + 1, n - 1)]
-        return self._refined(replace(local, kind=kind, low=float(low), high=float(high)), ridge)
-
-    def _refined(self, local: Local, ridge: float) -> Local:
-        """Return a table with its ends moved to where it gains most, a quarter of its width at a time."""
-        a = self._of(local.of)
-        least, most = float(a.min()), float(a.max())
-        for _ in range(ROUNDS):
-            wide = local.high - local.low
-            steps = wide * np.array([-0.5, -0.25, 0.0, 0.25])
-            ends = [
-                (low, high)
-                for low in np.clip(local.low + steps, least, most).tolist()
-                for high in np.clip(local.high - steps, least, most).tolist()
-                if high - low > 0.1 * wide
-            ]
-            if not ends:  # the signal ends within the table: it has no room to move
-                break
-            tables = [(local.by, local.of, _table_hats(local.kind, a, *one)) for one in ends]
-            gains = [self._gain(G, f, ridge) for _, G, f in self._products(tables)]
-            low, high = ends[int(np.argmax(gains))]
-            same = (low, high) == (local.low, local.high)
-            local = replace(local, low=low, high=high, gain=max(local.gain, max(gains)))
-            if same:
-                break
-        return local
-
-
-def _table_hats(kind: str, a: Array, low: float, high: float) -> Array:
-    """Return what a unit of each value of a table adds, over its signal."""
-    at, below, above = knots(kind, low, high), kind != "fall", kind != "rise"
-    return hats(a, np.array([*[low] * below, *at, *[high] * above]))[below:][: len(VALUES)]
-
-
-def region_of(e: Effect) -> list[Range]:
-    """Return where an effect acts: ranges of a signal, in any of which it does; empty if everywhere.
-
-    Examples
-    --------
-    >>> import hovercontrol as hc
-    >>> craft = hc.vehicle("c17_experiment")
-    >>> region_of(craft.effect_class("law_r__over_r")(-1.2, at=1.5))
-    [{'signal': 'r', 'low': 1.5, 'high': None}]
-    >>> [(one["low"], one["high"]) for one in region_of(craft.effect_class("law_r__beyond_r")(-1.2, at=1.5))]
-    [(None, -1.5), (1.5, None)]
-    """
-    own = e.curve() if isinstance(e, Law) else None
-    if own is None:
-        return []
-    if isinstance(e, TableLaw):
-        _, at, values = e.table()
-        large = [abs(v) > FLOOR * max(map(abs, values)) for v in values]
-        if not any(large):
-            return []
-        first, last = large.index(True), len(large) - 1 - large[::-1].index(True)
-        low = None if first == 0 else at[first - 1]
-        return ranges(own, low, None if last == len(large) - 1 else at[last + 1])
-    if own.operation in ("over", "beyond", "logistic"):
-        return ranges(own, e.values["at"], None)
-    return ranges(own, None, e.values["at"]) if own.operation == "under" else []
-
-
-def ranges(of: Factor, low: float | None, high: float | None) -> list[Range]:
-    """Return the ranges of a signal in which it, or its size, lies between two limits; None for no limit."""
-    ahead: Range = {"signal": of.signal, "low": low, "high": high}
-    if not of.of_abs and of.operation != "beyond":
-        return [ahead]
-    if not low:
-        return [ahead | {"low": None if high is None else -high}]
-    return [ahead | {"low": None if high is None else -high, "high": -low}, ahead]

@@ -261,4 +261,5 @@ def _likeliest_of_same(search: Search, selection: Selection, law: LikelyLaw) -> 
         blocks={called[n]: v for n, v in selection.blocks.items()} | {best: own[best].blocks},
         without={called[n]: v for n, v in selection.without.items()},
         rivals=(*moved, *fresh),
+        alternatives=tuple((called[n], t) for n, t in selection.alternatives if n in called),
     )

@@ -15,14 +15,14 @@ from functools import lru_cache
 import numpy as np
 
 from hovercontrol.blocks.block import Block
-from hovercontrol.craft.effects.law import Law
+from hovercontrol.craft.effects.law import TABLES, WINDOWS, Law
 from hovercontrol.identification.engine.subject import Subject, structure
 
 #: Functions of a signal that do not change with its sign.
 EVEN = ("abs", "sqr", "cos", "cos2", "decaying")
 
 #: Functions that differ for the two signs of their signal.
-LOPSIDED = ("over", "under", "logistic", "hump", "rise", "fall")
+LOPSIDED = ("over", "under", "logistic", *WINDOWS, *TABLES)
 
 #: A craft with fans, to port and to starboard: its fans do not change sign, they change place.
 MIRROR = dict.fromkeys(("y", "psi", "v", "r", "fan_y", "fan_torque"), -1)

@@ -24,6 +24,7 @@ from hovercontrol.identification.diagnose.report.verdict import (
     remainder_sentence,
     verdict,
 )
+from hovercontrol.identification.diagnose.report.where_section import where
 
 if TYPE_CHECKING:
     from hovercontrol.identification.diagnose.diagnosis import Diagnosis
@@ -64,8 +65,8 @@ def write_report(diagnosis: Diagnosis, path: str | Path, *, command: str = "") -
     with threadpool_limits(1, "blas"):  # as in diagnose
         m = collect(diagnosis, command)
         sections = [
-            verdict(m), functions(m), equations(m), evidence(m), holdout(m), free_runs(m), remainder(m),
-            rivals_section(m), coefficients(m), appendix(m),
+            verdict(m), functions(m), where(m), equations(m), evidence(m), holdout(m), free_runs(m),
+            remainder(m), rivals_section(m), coefficients(m), appendix(m),
         ]  # fmt: skip
     text = page(headline(diagnosis), sections)
     return write_atomically(path, lambda target: target.write_text(text, encoding="utf-8"))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from hovercontrol.craft.effects import Effect
@@ -12,6 +12,10 @@ from hovercontrol.craft.effects.law import is_law, law_text
 
 if TYPE_CHECKING:
     from hovercontrol.identification.diagnose.diagnosis import Found
+    from hovercontrol.identification.diagnose.laws.regions import Range
+
+#: Maximum number of intervals that are listed.
+STRETCHES = 3
 
 _RAISED = str.maketrans("23456789*", "²³⁴⁵⁶⁷⁸⁹ ", "^")
 _AXES = ("surge", "sway", "yaw")
@@ -139,6 +143,24 @@ def times(value: float) -> str:
     return f"{value:.2f}" if value < 9.995 else f"{value:.1f}" if value < 99.95 else f"{value:.0f}"
 
 
+def range_words(region: Sequence[Range], units: Mapping[str, str]) -> str:
+    """Return ranges of signals as text.
+
+    Examples
+    --------
+    >>> range_words([{"signal": "r", "low": None, "high": -1.5}], {"r": "rad/s"})
+    'r below −1.5 rad/s'
+    >>> range_words([{"signal": "x", "low": -0.25, "high": 1.0}], {"x": "m"})
+    'x from −0.25 to 1 m'
+    """
+    said = []
+    for r in region:
+        low, high = (None if r[key] is None else minus(f"{r[key]:.3g}") for key in ("low", "high"))
+        limits = f"from {low} to {high}" if low and high else f"above {low}" if low else f"below {high}"
+        said.append(f"{r['signal']} {limits} {unit(units.get(str(r['signal']), '1'))}".strip())
+    return listed(said, "or")
+
+
 def listed(parts: Sequence[str], last: str = "and") -> str:
     """Return parts joined as a list in a sentence.
 
@@ -148,3 +170,19 @@ def listed(parts: Sequence[str], last: str = "and") -> str:
     ('a, b and c', 'a or b')
     """
     return f" {last} ".join([", ".join(parts[:-1]), parts[-1]]) if len(parts) > 1 else "".join(parts)
+
+
+def stretches(segments: Sequence[tuple[float, float]]) -> str:
+    """Return as text when a force is significant: the longest intervals and the number of others.
+
+    Examples
+    --------
+    >>> stretches([(0.0, 2.5), (4.0, 9.26)])
+    ', 0 to 2.5 s and 4 to 9.3 s'
+    """
+    longest = sorted(sorted(segments, key=lambda s: s[0] - s[1])[:STRETCHES])
+    if not longest:
+        return ""
+    named = [f"{round(begin, 1):g} to {round(end, 1):g} s" for begin, end in longest]
+    more = len(segments) - len(longest)
+    return f", {listed(named)}{f', and {more} shorter' if more else ''}"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,11 +13,15 @@ from hovercontrol.base.svg import Plot, bounds
 from hovercontrol.identification.diagnose.evidence.blocks import Blocks
 from hovercontrol.identification.diagnose.evidence.holdout import Ahead
 from hovercontrol.identification.diagnose.evidence.missing import Missing
+from hovercontrol.identification.diagnose.laws.regions import Range
 from hovercontrol.identification.diagnose.laws.scan import Yardstick
 from hovercontrol.identification.diagnose.report.formatting import prime, small, times, unit
 from hovercontrol.identification.diagnose.report.free_run import FreeRun
 from hovercontrol.identification.diagnose.report.templates import render
 from hovercontrol.identification.diagnose.unknown.function import FittedFunction
+
+if TYPE_CHECKING:
+    from hovercontrol.identification.diagnose.report.where_section import Binned
 
 #: Length of the part of a log shown with runs of the model [s], and number of logs with their own colour.
 SPAN, COLOURS = 20.0, 4
@@ -175,6 +179,34 @@ def over_signal(yardstick: Yardstick, force_unit: str, signal_unit: str) -> str:
     return plot.svg(_bracketed(force_unit), f"{yardstick.signals[0]} {_bracketed(signal_unit)}".strip())
 
 
+def in_bins(
+    title: str,
+    was: Binned,
+    now: Binned | None,
+    regions: Sequence[Range],
+    force_unit: str,
+    signal: tuple[str, str],
+) -> str:
+    """Return a plot of a missing force in bins of a signal, with two standard errors and regions marked.
+
+    `now` is that of the amended model; `signal` is a name and a unit.
+    """
+    sides = {"before": was} | ({"after": now} if now else {})
+    ends = [b.mean + k * b.std for b in sides.values() for k in (-2.0, 2.0)]
+    plot = Plot((float(was.at[0]), float(was.at[-1])), bounds(ends, around_zero=True), title, (360.0, 190.0))
+    plot.line(was.at, np.zeros_like(was.at), "zero")
+    for kind, b in sides.items():
+        plot.band(b.at, b.mean - 2 * b.std, b.mean + 2 * b.std, kind)
+        plot.line(b.at, b.mean, kind)
+    limits = [(r["low"], r["high"]) for r in regions]
+    spans = [
+        (plot.x[0] if low is None else float(low), plot.x[1] if high is None else float(high))
+        for low, high in limits
+    ]
+    plot.spans([s for s in spans if s[0] < plot.x[1] and s[1] > plot.x[0]], "after")
+    return plot.svg(_bracketed(force_unit), f"{signal[0]} {_bracketed(signal[1])}".strip())
+
+
 def function(f: FittedFunction) -> str:
     """Return a plot of an unknown function: its table with two standard errors, and its likeliest form."""
     limits = bounds([f.values - 2 * f.std, f.values + 2 * f.std])
@@ -185,10 +217,11 @@ def function(f: FittedFunction) -> str:
     return plot.svg(_bracketed(f.unit), f"{f.argument} {_bracketed(f.argument_unit)}".strip())
 
 
-def floor_map(title: str, x: Array, y: Array, force: Array, label: str, kind: str) -> str:
+def floor_map(title: str, x: Array, y: Array, force: Array, label: str, kind: str, length: str = "m") -> str:
     """Return a map of a force's root mean square over cells of the floor; empty with too few rows.
 
-    `x`, `y` and `force` hold all rows of all logs; `label` is the unit of the force, `kind` its colour.
+    `x`, `y` and `force` hold all rows of all logs; `label` is the unit of the force, `kind` its colour,
+    `length` the unit of x and y.
     """
     known = np.isfinite(x) & np.isfinite(y) & np.isfinite(force)
     x, y, force = x[known], y[known], force[known]
@@ -214,7 +247,7 @@ def floor_map(title: str, x: Array, y: Array, force: Array, label: str, kind: st
     )
     corners = np.array([[x0], [y0]]) + cell * places[:, drawn]
     plot.cells(corners[0], corners[1], cell, rms[drawn] / max(top, 1e-300), kind)
-    picture = plot.svg("y [m]", "x [m]")
+    picture = plot.svg(f"y {_bracketed(length)}".strip(), f"x {_bracketed(length)}".strip())
     return render("floor_map.html", picture=picture, kind=kind, top=small(top), unit=label)
 
 

@@ -23,6 +23,7 @@ from hovercontrol.identification.diagnose.report.formatting import (
     number_of,
     plus_minus,
     prime,
+    range_words,
     small,
     times,
     unit,
@@ -111,6 +112,9 @@ def _named(d: Diagnosis, name: str, numbers: Sequence[Found]) -> str:
         if numbers
         else effect_words(name)
     )
+    region = d.region(name) if numbers and not any(key_of(n) == "at" for n in numbers) else []
+    if region and d.function(name) is None:
+        said += f", for {range_words(region, d.amended.law_units())}"
     if same and is_law(name):
         said += f" (or {same}: the same in these logs, but it breaks a symmetry of the model)"
     elif same:

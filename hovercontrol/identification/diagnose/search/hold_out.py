@@ -277,5 +277,6 @@ def _less(selection: Selection, worse: list[str], reason: str) -> Selection:
         effects=left,
         final=selection.without[worse[0]] if alone else selection.base,
         rivals=tuple(r for r in selection.rivals if r.instead_of in left),
+        alternatives=tuple(a for a in selection.alternatives if a[0] in left),
         leads=(*leads, *selection.leads),
     )

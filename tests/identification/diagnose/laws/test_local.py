@@ -9,8 +9,9 @@ import hovercontrol as hc
 from hovercontrol.craft.effects.law import Factor
 from hovercontrol.craft.models.interface import as_model
 from hovercontrol.identification.diagnose.criteria import CRITERIA
-from hovercontrol.identification.diagnose.laws.local import function_names, own_signals
+from hovercontrol.identification.diagnose.laws.local import _fitted, function_names, own_signals
 from hovercontrol.identification.diagnose.laws.nearest import nearest
+from hovercontrol.identification.diagnose.laws.regions import region_of
 from hovercontrol.identification.diagnose.laws.scan import Local, Scan
 from hovercontrol.identification.diagnose.search.base import base_fit
 from hovercontrol.identification.diagnose.search.fit import Search
@@ -48,24 +49,36 @@ def fit():
 
 
 def test_the_scan_finds_the_signal_and_where_the_drag_acts(fit):
-    (best,) = Scan(fit, "v").found()
+    best = Scan(fit, "v").found()[0]
     assert best.of.signal == "v" and best.of.of_abs and best.gain > 100.0
     (back, ahead) = best.region()
     assert back["high"] == -ahead["low"] and ahead["high"] is None
-    assert best.low < 1.2 < best.high
+    assert best.kind == "rise" and best.ends[0] == pytest.approx(1.2, abs=0.1)
+
+
+def test_what_begins_with_a_step_is_a_range_and_the_given_coefficients_tell_on_which_side():
+    found = base_fit(model(), gather(model(), [driven(3, lambda s: 0.4 * s * (s < -1.0))]))
+    seen = [(one, np.zeros(1)) for one in Scan(found, "v").found()]
+    assert seen[0][0].table() in ("law_v__v__above_v", "law_v__v__below_v")  # alike, but for a coefficient
+    t = _fitted(Search(model(), None, CRITERIA, lambda what: None), found, seen)
+    law = t.fit.model.effect(t.name)
+    assert t.name == "law_v__v__below_v" and law.values["value"] == pytest.approx(0.4, abs=0.03)
+    ((low, high),) = [(one["low"], one["high"]) for one in region_of(law)]
+    assert low is None and high == pytest.approx(-1.0, abs=0.03)
+    assert t.fit.model.coefficients()["c"] == pytest.approx(0.5, abs=0.02)
 
 
 def test_a_function_of_time_and_one_that_gains_less_than_a_law_are_no_names(fit):
-    (best,), rows = Scan(fit, "v").found(), []
-    late = Local("v", (), Factor("", "time"), 500.0, kind="rise", low=1.0, high=2.0)
-    weak = Local("v", (), Factor("", "F"), 21.0, kind="rise", low=0.0, high=1.0)
+    best, rows = Scan(fit, "v").found()[0], []
+    late = Local("v", (), Factor("", "time"), 500.0, kind="rise", ends=(1.0, 2.0))
+    weak = Local("v", (), Factor("", "F"), 21.0, kind="rise", ends=(0.0, 1.0))
     seen = [(one, np.zeros(3)) for one in (late, weak, best)]
     assert [one for one, _ in function_names(fit, seen, model(), CRITERIA, rows)] == [best]
     assert [(row.effect, row.passed) for row in rows] == [("law_v__rise_F", False), (best.table(), True)]
 
 
 def test_nothing_is_found_where_nothing_is_missing():
-    (best,) = Scan(base_fit(model(), gather(model(), [driven(2, lambda s: 0.0)])), "v").found() or [None]
+    best, *_ = Scan(base_fit(model(), gather(model(), [driven(2, lambda s: 0.0)])), "v").found() or [None]
     assert best is None or best.gain < 20.0
 
 
