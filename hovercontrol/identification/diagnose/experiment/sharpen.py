@@ -104,7 +104,10 @@ def sharpen_missing(
         )
     local, scan = max(known, key=lambda one: one[0].gain)
     every = {m.name: _scanned(final, local, predicted(final, m), search) for m in family_of(final, search)}
-    reached = [scan.argument(local), *(own.argument(local) for own, _ in filter(None, every.values()))]
+    reached = [
+        scan.along_logs(local.of),
+        *(own.along_logs(local.of) for own, _ in filter(None, every.values())),
+    ]
     low, high = min(float(a.min()) for a in reached), max(float(a.max()) for a in reached)
     low = 0.0 if local.of.of_abs else low
     places, size = np.linspace(low, high, KNOTS), float(np.sqrt(np.mean(scan.yardstick().force ** 2)))

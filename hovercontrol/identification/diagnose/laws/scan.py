@@ -283,14 +283,10 @@ class Scan:
         """Return the function that gains most, wherever it acts; None if none gains."""
         return next((local for local, _, _ in self._best()), None)
 
-    def argument(self, local: Local) -> Array:
-        """Return the argument of a function along the logs."""
-        return self._of(local.of)
-
     def information(self, local: Local, places: Array) -> Array:
         """Return the information of the logs on the unknowns and on a function's hats at places."""
-        own = hats(self._of(local.of), places)
-        return np.asarray(next(self._products([(local.by, local.of, own)]))[1].sum(axis=0))
+        own = hats(self.along_logs(local.of), places)
+        return np.asarray(next(self.products([(local.by, local.of, own)]))[1].sum(axis=0))
 
     def _best(self) -> list[tuple[Local, Array, Array]]:
         """Return the functions that gain most; of all signals they are sought once a fit."""
