@@ -13,6 +13,7 @@ from hovercontrol.craft.effects.base import resolved_unit
 from hovercontrol.craft.effects.law import TableLaw
 from hovercontrol.identification.diagnose.evidence.laws import is_there, small, worst
 from hovercontrol.identification.diagnose.evidence.missing import Missing
+from hovercontrol.identification.diagnose.laws.regions import Range
 from hovercontrol.identification.diagnose.laws.scan import Yardstick
 from hovercontrol.identification.diagnose.places import acts_in
 from hovercontrol.identification.diagnose.report import pictures
@@ -167,29 +168,42 @@ def _over(m: Context, equation: str) -> list[str]:
     """Return plots of what one equation lacks over the signals that explain most of it, and by position."""
     d = m.diagnosis
     before, after = ([f for f in forces if f.equation == equation] for forces in (d.missing, d.missing_after))
-    force, band = (np.concatenate([getattr(f, key) for f in before]) for key in ("force", "band"))
-    later, its_band = (np.concatenate([getattr(f, key) for f in after]) for key in ("force", "band"))
-    positions = _positions(m, before)
-    signals = {q.name: (q.unit, k) for k, q in enumerate(before[0].over)}
-    values = {n: np.concatenate([f.over[k].values for f in before]) for n, (_, k) in signals.items()}
-    units = {n: u for n, (u, _) in signals.items()} | {n: u for n, (u, _) in positions.items()}
-    values |= {n: v for n, (_, v) in positions.items()}
-    found = [(n, b) for n, v in values.items() if (b := binned(v, force, band)) is not None]
-    regions = [r for n in numbers_by_effect(d) for r in d.region(n)]
-    regions += [r for left in d.selection.regions if f"{left.equation}'" == equation for r in left.region()]
+    was, now = _all_rows(before), _all_rows(after)
+    positions, force_unit = _positions(m, before), before[0].unit
+    over = {q.name: (q.unit, _rows_of(before, k)) for k, q in enumerate(before[0].over)} | positions
+    found = {n: b for n, (_, v) in over.items() if (b := binned(v, *was)) is not None}
+    regions = _regions(m, equation)
     drawn = []
-    for name, was in sorted(found, key=lambda one: -one[1].share)[:SIGNALS]:
-        now = binned(values[name], later, its_band) if m.changed else None
-        own = [r for r in regions if r["signal"] == name]
-        title = f"over {name}: {percent(was.share)} of what is missing"
-        drawn.append(pictures.in_bins(title, was, now, own, before[0].unit, (name, units[name])))
+    for name in sorted(found, key=lambda n: -found[n].share)[:SIGNALS]:
+        own, values = over[name]
+        amended = binned(values, *now) if m.changed else None
+        title = f"over {name}: {percent(found[name].share)} of what is missing"
+        marked = [r for r in regions if r["signal"] == name]
+        drawn.append(pictures.in_bins(title, found[name], amended, marked, force_unit, (name, own)))
     if {"x", "y"} <= set(positions):
-        (x_unit, x), (_, y) = positions["x"], positions["y"]
-        label = unit(before[0].unit)
-        drawn.append(pictures.floor_map("by position", x, y, force, label, "before", x_unit))
-        if m.changed and any(r.there and r.equation == equation for r in d.remainders):
-            drawn.append(pictures.floor_map("by position", x, y, later, label, "after", x_unit))
+        (length, x), (_, y) = positions["x"], positions["y"]
+        left = m.changed and any(r.there and r.equation == equation for r in d.remainders)
+        for kind, (force, _) in (("before", was), ("after", now))[: 1 + left]:
+            drawn.append(pictures.floor_map("by position", x, y, force, unit(force_unit), kind, length))
     return [plot for plot in drawn if plot]
+
+
+def _all_rows(same: Sequence[Missing]) -> tuple[Array, Array]:
+    """Return the force of one equation and its standard error in the rows of all logs."""
+    return np.concatenate([f.force for f in same]), np.concatenate([f.band for f in same])
+
+
+def _rows_of(same: Sequence[Missing], k: int) -> Array:
+    """Return a quantity on which a force may depend in the rows of all logs."""
+    return np.concatenate([f.over[k].values for f in same])
+
+
+def _regions(m: Context, equation: str) -> list[Range]:
+    """Return the ranges of signals in which something acts in an equation, named or not."""
+    d = m.diagnosis
+    final, left = d.selection.final, d.selection.regions
+    named = [r for n in numbers_by_effect(d) if equation in acts_in(final, n).split() for r in d.region(n)]
+    return [*named, *(r for one in left if f"{one.equation}'" == equation for r in one.region())]
 
 
 def _positions(m: Context, same: Sequence[Missing]) -> dict[str, tuple[str, Array]]:
