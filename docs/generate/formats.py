@@ -74,7 +74,7 @@ _OTHER_LOGS = (
     ),
     "ROS 2's bags are also read as the folder into which they were recorded. Files of other suffixes are read as CSV. Frames of CAN are decoded by "
     "a database (DBC) beside the file: the one of its name, or the only one in the folder. Messages of J1939 are known by their parameter group, whatever their source address and priority. "
-    "HDF5, MATLAB 7.3 and C3D are read in a process of their own, since some damaged files crash or stall their libraries. An MCAP file that lost its end is read up to the break.",
+    "MDF, HDF5, MATLAB 7.3 and C3D are read in a process of their own, since some damaged files crash or stall their libraries. An MCAP file that lost its end is read up to the break.",
     "In CSV these are recognised, and said in one line: commas, semicolons, tabs, bars or blanks between values; decimal commas; UTF-16; "
     "comment lines (`#`, `%`, `//`); lines above the header; units in its names (`x [mm]`, `T [degC]`) or in a line below it, which are converted to SI. Copies of the row before, and a last "
     "line without its end, are left out. `True` and `False` are 1 and 0; durations are seconds (`0.5 sec`, `1 days 00:00:01`).",

@@ -10,7 +10,7 @@ import numpy as np
 
 from hovercontrol.base.errors import InputError
 from hovercontrol.logs.readers import c3d_script
-from hovercontrol.logs.readers.apart import read_apart
+from hovercontrol.logs.readers.apart import Apart
 from hovercontrol.logs.readers.tables import Table, Tables, faults, unit_or_none
 
 
@@ -23,7 +23,7 @@ def c3d(file: Path) -> Tables:
         If ezc3d is missing, or the file is damaged or holds neither points nor analog channels.
     """
     with faults(file, "C3D"):
-        about, arrays = read_apart(file, c3d_script, "ezc3d", "C3D files")
+        about, arrays = Apart(file, c3d_script, "ezc3d", "C3D files").call("contents", str(file))
         found = {**about, **arrays}
         tables = [table for table in (_points(file, found), _analog(file, found)) if table]
     if not tables:

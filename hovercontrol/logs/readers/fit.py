@@ -38,7 +38,8 @@ def fit(file: Path) -> Tables:
     rows: dict[str, list[tuple[int, dict[str, float]]]] = {}
     units: dict[str, str] = {}
     said = ""
-    with faults(file, "FIT"), module.FitReader(str(file)) as reader:
+    strict = {"check_crc": module.CrcCheck.RAISE, "error_handling": module.ErrorHandling.IGNORE}
+    with faults(file, "FIT"), module.FitReader(str(file), **strict) as reader:
         try:
             for message in reader:
                 if message.frame_type == module.FIT_FRAME_DATA:

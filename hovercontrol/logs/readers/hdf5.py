@@ -8,7 +8,7 @@ from typing import Any
 
 from hovercontrol.base.errors import InputError
 from hovercontrol.logs.readers import hdf5_script
-from hovercontrol.logs.readers.apart import read_apart
+from hovercontrol.logs.readers.apart import Apart
 from hovercontrol.logs.readers.matlab import CLOCKS
 from hovercontrol.logs.readers.tables import Table, Tables, faults, unit_or_none
 
@@ -22,7 +22,7 @@ def hdf5(file: Path) -> Tables:
         If h5py is missing, or the file is damaged or contains no vector of numbers.
     """
     with faults(file, "HDF5"):
-        stated, vectors = read_apart(file, hdf5_script, "h5py", "HDF5 files")
+        stated, vectors = Apart(file, hdf5_script, "h5py", "HDF5 files").call("contents", str(file))
     units = {name: unit for name, text in stated.items() if (unit := unit_or_none(text))}
     groups: dict[tuple[str, int], dict[str, Any]] = {}
     for name, values in vectors.items():

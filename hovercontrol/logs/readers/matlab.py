@@ -11,7 +11,7 @@ from typing import Any
 
 from hovercontrol.base.errors import InputError
 from hovercontrol.logs.readers import matlab_script
-from hovercontrol.logs.readers.apart import read_apart
+from hovercontrol.logs.readers.apart import Apart
 from hovercontrol.logs.readers.matlab_script import vectors_of
 from hovercontrol.logs.readers.tables import Table, Tables, faults, unit_or_none
 
@@ -65,7 +65,7 @@ def _contents(file: Path) -> tuple[tuple[list[str], dict[str, str]], dict[str, A
         if not any(type(value).__name__ == "MatlabOpaque" for value in found.values()):
             return vectors_of(found)
         what = "timetables and tables of MATLAB"
-    return read_apart(file, matlab_script, "matio", what, package="mat-io")
+    return Apart(file, matlab_script, "matio", what, package="mat-io").call("contents", str(file))
 
 
 def _table(file: Path, name: str, columns: dict[str, Any], units: dict[str, str]) -> Table:

@@ -16,7 +16,7 @@ from hovercontrol.logs.readers.tables import faults
     [
         ("while True: pass", "numpy did not end within 1 s"),
         ("os.kill(os.getpid(), 11)", "numpy was ended by signal 11"),
-        ("os._exit(3)", "numpy ended with status 3"),
+        ("os._exit(3)", "numpy ended with 3"),
         ("raise OSError('a broken superblock')", "OSError: a broken superblock"),
     ],
 )
@@ -29,7 +29,7 @@ def test_a_library_that_fails_is_told_in_one_line(tmp_path: Path, monkeypatch, b
         pytest.raises(InputError, match=f"a.h5: not readable as HDF5: {said}$"),
         faults(tmp_path / "a.h5", "HDF5"),
     ):
-        apart.read_apart(tmp_path / "a.h5", script, "numpy", "HDF5 files")
+        apart.Apart(tmp_path / "a.h5", script, "numpy", "HDF5 files").call("contents", "")
 
 
 def test_arrays_come_back_as_they_are_whatever_the_library_prints(tmp_path: Path) -> None:
@@ -39,6 +39,6 @@ def test_arrays_come_back_as_they_are_whatever_the_library_prints(tmp_path: Path
         "    return {'unit': '°'}, {'a/b': np.arange(6.0).reshape(2, 3).T, 'ü': np.zeros(0, 'i2')}\n"
     )
     script = SimpleNamespace(__file__=str(tmp_path / "script.py"))
-    about, arrays = apart.read_apart(tmp_path / "script.py", script, "numpy", "HDF5 files")
+    about, arrays = apart.Apart(tmp_path / "script.py", script, "numpy", "x").call("contents", "")
     assert about == {"unit": "°"} and list(arrays) == ["a/b", "ü"]
     assert np.array_equal(arrays["a/b"], [[0, 3], [1, 4], [2, 5]]) and arrays["ü"].dtype == np.int16
