@@ -21,7 +21,7 @@ One factor may be a curve with numbers of its own, by which a law acts in one re
 ``over_a``       max(a - at, 0)                       ``saturating_a``  a/(at + abs(a))
 ``under_a``      min(a - at, 0)                       ``inhibited_a``   a/(at + abs(a) + a^2/top)
 ``beyond_a``     sgn(a) max(abs(a) - at, 0)           ``decaying_a``    exp(-abs(a)/at)
-``logistic_a``   1/(1 + exp((at - a)/wide))
+``logistic_a``   1/(1 + exp((at - a)/wide))           ``bell_a``        exp(-((a - at)/wide)^2)
 ================ ==================================== ==============================================
 
 Or it is a table, f(a): straight lines through the values y1 to y5 at evenly spaced a, of which ``hump_a`` is
@@ -76,7 +76,7 @@ class Operation:
     numbers : tuple of str
         Its own numbers, in the signal's unit.
     signed : bool
-        Whether these may be negative.
+        Whether its `at` may be negative.
     """
 
     of: Callable[..., Any]
@@ -111,7 +111,18 @@ OPERATIONS: Mapping[str, Operation] = {
     ),
     "decaying": Operation(lambda a, c: sp.exp(-sp.Abs(a) / c.at), 0, "exp(-abs({})/at)", ("at",)),
     "logistic": Operation(
-        lambda a, c: 1 / (1 + sp.exp((c.at - a) / c.wide)), 0, "1/(1 + exp((at - {})/wide))", ("at", "wide")
+        lambda a, c: 1 / (1 + sp.exp((c.at - a) / c.wide)),
+        0,
+        "1/(1 + exp((at - {})/wide))",
+        ("at", "wide"),
+        signed=True,
+    ),
+    "bell": Operation(
+        lambda a, c: sp.exp(-(((a - c.at) / c.wide) ** 2)),
+        0,
+        "exp(-(({} - at)/wide)^2)",
+        ("at", "wide"),
+        signed=True,
     ),
     "above": Operation(lambda a, c: _step(a, c.low, c.high), 0, "[{} > high]", ("low", "high")),
     "below": Operation(lambda a, c: 1 - _step(a, c.low, c.high), 0, "[{} < low]", ("low", "high")),
@@ -431,8 +442,9 @@ def _own_numbers(local: Factor, signal_unit: str, unit: str) -> dict[str, Any]:
         return ends | {y: Coefficient(unit, default=0.0) for y in VALUES}
     if local.operation in WINDOWS:
         return {"value": Coefficient(unit), **{n: Shape(signal_unit, fixed=True) for n in names}}
-    lower = -math.inf if OPERATIONS[local.operation].signed and not local.of_abs else TINY
-    shapes = {n: Shape(signal_unit, lower=lower, search=LEVELS, of="signal") for n in names}
+    signed = OPERATIONS[local.operation].signed and not local.of_abs
+    lower = {n: -math.inf if signed and n == "at" else TINY for n in names}
+    shapes = {n: Shape(signal_unit, lower=lower[n], search=LEVELS, of="signal") for n in names}
     return {"value": Coefficient(unit), **shapes}
 
 

@@ -31,6 +31,7 @@ def term(name, **numbers):
         ("law_r__saturating_r", {"at": 0.7}, A / (0.7 + np.abs(A))),
         ("law_r__decaying_r", {"at": 0.7}, np.exp(-np.abs(A) / 0.7)),
         ("law_r__logistic_r", {"at": 0.7, "wide": 0.2}, 1.0 / (1.0 + np.exp((0.7 - A) / 0.2))),
+        ("law_r__bell_r", {"at": -0.7, "wide": 0.4}, np.exp(-(((A + 0.7) / 0.4) ** 2))),
     ],
 )
 def test_a_curve_is_its_closed_form(name, numbers, wanted):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import TypeAlias
 
@@ -14,7 +15,7 @@ from hovercontrol.identification.engine.subject import Subject
 #: A range of a signal: its name, and the limits, None without one.
 Range: TypeAlias = dict[str, float | str | None]
 
-#: A table acts where it exceeds this part of its largest value.
+#: A table or a bell acts where it exceeds this part of its largest value.
 FLOOR = 0.1
 
 
@@ -43,6 +44,9 @@ def region_of(e: Effect) -> list[Range]:
         first, last = large.index(True), len(large) - 1 - large[::-1].index(True)
         low = None if first == 0 else at[first - 1]
         return ranges(own, low, None if last == len(large) - 1 else at[last + 1])
+    if own.operation == "bell":
+        half = e.values["wide"] * math.sqrt(-math.log(FLOOR))
+        return ranges(own, e.values["at"] - half, e.values["at"] + half)
     if own.operation in ("over", "beyond", "logistic"):
         return ranges(own, e.values["at"], None)
     return ranges(own, None, e.values["at"]) if own.operation == "under" else []

@@ -22,7 +22,7 @@ from hovercontrol.identification.engine.subject import Subject, structure
 EVEN = ("abs", "sqr", "cos", "cos2", "decaying")
 
 #: Functions that differ for the two signs of their signal.
-LOPSIDED = ("over", "under", "logistic", *WINDOWS, *TABLES)
+LOPSIDED = ("over", "under", "logistic", "bell", *WINDOWS, *TABLES)
 
 #: A craft with fans, to port and to starboard: its fans do not change sign, they change place.
 MIRROR = dict.fromkeys(("y", "psi", "v", "r", "fan_y", "fan_torque"), -1)

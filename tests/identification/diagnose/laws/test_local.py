@@ -87,13 +87,14 @@ def test_nothing_is_found_where_nothing_is_missing():
     [
         ("law_v__saturating_v", lambda a: 2.0 * a / (0.6 + a), 0.6),
         ("law_v__over_v", lambda a: 2.0 * np.maximum(a - 1.0, 0.0), 1.0),
+        ("law_v__bell_v", lambda a: 2.0 * np.exp(-(((a - 1.4) / 0.7) ** 2)), 1.4),
     ],
 )
 def test_the_nearest_form_to_a_table_is_the_one_it_was_made_of(wanted, function, at):
     cls = model().effect_class("law_v__rise_v")
     places = np.linspace(0.0, 3.0, 6)
     table = cls(low=0.0, high=3.0, **{f"y{i}": float(function(places[i])) for i in range(1, 6)})
-    names = ["law_v__v", *(f"law_v__{form}_v" for form in ("saturating", "over", "decaying", "sqr"))]
+    names = ["law_v__v", *(f"law_v__{form}_v" for form in ("saturating", "over", "decaying", "sqr", "bell"))]
     best = nearest(model(), names, table, np.linspace(0.0, 3.0, 300))[0]
     assert best.name == wanted and best.values["at"] == pytest.approx(at, rel=0.35)
 
