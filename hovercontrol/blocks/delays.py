@@ -245,6 +245,28 @@ def _beside(grid: Array, at: Array) -> Array:
     return np.where(np.abs(at - nearest) <= ROOM * np.abs(at), nearest, at)
 
 
+@lru_cache
+def _unit_delay(order: int) -> tuple[Any, Array]:
+    """Return ``tau x' = A x + B u(t), u(t - tau) ~ C x`` for a delay of 1 s, and ``x/u`` at rest, -A^-1 B."""
+    import control
+
+    unit = control.tf2ss(control.tf(*control.pade(1.0, order, order - 1)))
+    return unit, np.linalg.solve(unit.A, -unit.B)[:, 0]
+
+
+def late_states(block: Block, order: int) -> dict[str, tuple[str, float]]:
+    """Return for each state of :func:`pade` its delayed input and its value at rest, per value of the input.
+
+    Examples
+    --------
+    >>> v, a, late = Signal("v", "m/s"), Signal("a", "m/s^2"), Signal("late", "s", start=0.25)
+    >>> late_states(Block("cart", [v], [a], [v], [late], {"v": a.symbol}, delays={"a": late.symbol}), 1)
+    {'a_late[0]': ('a', 1.0)}
+    """
+    rest = enumerate(_unit_delay(order)[1].tolist())
+    return {f"{name}_late[{k}]": (name, at) for k, at in rest for name in block.delays}
+
+
 def pade(block: Block, order: int = 4) -> Block:
     """Return the Block with each delay replaced by a Pade approximation.
 
@@ -276,14 +298,10 @@ def pade(block: Block, order: int = 4) -> Block:
     v' = 1.0*a_late[0]
     a_late[0]' = (1.0*a - 1.0*a_late[0])/late
     """
-    import control
-
     if not isinstance(order, int) or not 1 <= order <= MAX_ORDER:
         raise InputError(f"pade: order must be a whole number from 1 to {MAX_ORDER}, found {order!r}")
-    # tau x' = A x + B u(t),  u(t - tau) ~ C x;  at rest x = -A^-1 B u.  A, B, C belong to a delay of 1 s.
-    unit = control.tf2ss(control.tf(*control.pade(1.0, order, order - 1)))
+    unit, rest = _unit_delay(order)
     A, B, C = (sp.Matrix(m.tolist()) for m in (unit.A, unit.B, unit.C))
-    rest = np.linalg.solve(unit.A, -unit.B)[:, 0]
     states: list[Signal] = []
     rates: dict[str, sp.Expr] = {}
     arriving: dict[sp.Expr, sp.Expr] = {}

@@ -31,6 +31,9 @@ from hovercontrol.control.analysis.loop_modes import OutsideModes, split_loop, s
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+#: Relative step of a gain to both sides of an edge.
+STEP = 1e-3
+
 ALL_DECAY = OutsideModes()
 
 #: Units of the margins; 1 is a factor.
@@ -94,7 +97,12 @@ class Margins:
     loop: control.StateSpace | None = field(default=None, repr=False, compare=False)
 
     def __repr__(self) -> str:
-        rows = [(name, f"{getattr(self, name):.4g}", unit) for name, unit in UNITS.items()]
+        found = {name: getattr(self, name) for name in UNITS}
+        factors = ("gain_up", "gain_down", "disk_gain")
+        rows = [
+            (name, f"{value:.4g}", f"= {20 * math.log10(value):.3g} dB" if name in factors and 0 < value < math.inf else UNITS[name])
+            for name, value in found.items() if not math.isnan(value)
+        ]  # fmt: skip
         return "\n".join(
             [f"the loop is {'stable' if self.stable else 'unstable'}; {self.outside}", *aligned(rows)]
         )
@@ -198,6 +206,7 @@ def loop_margins(loop: control.StateSpace | control.TransferFunction) -> Margins
     gains, phases, _, _, crossovers, _ = control.stability_margins(loop, returnall=True)
     gains = np.append(gains, _at_the_ends(loop)) if sampled else np.asarray(gains)
     gains = gains[(gains > SMALL) & (gains < 1 / SMALL)]
+    gains = gains[[_is_edge(loop, gain) for gain in gains.tolist()]]
     phases, crossovers = np.radians(np.asarray(phases, dtype=float)), np.asarray(crossovers, dtype=float)
     least = int(np.argmin(np.abs(phases))) if len(phases) else -1
     late = np.mod(phases, 2 * np.pi) / crossovers
@@ -307,6 +316,20 @@ def negative(line: control.StateSpace) -> control.StateSpace:
     """Return the gain L for negative feedback of a cut loop, whose feedback is positive."""
     matrices = line.A, line.B, -line.C, -line.D, line.dt
     return control.StateSpace(*matrices, states=line.state_labels, remove_useless_states=False)
+
+
+def _is_edge(loop: control.StateSpace, gain: float) -> bool:
+    """Return whether the number of growing modes changes at this gain.
+
+    Near a double pole at z = 1 a search for the phase of -180 deg finds gains at which it does not.
+    """
+    sampled = loop.isdtime(strict=True)
+
+    def growing(factor: float) -> int:
+        poles = control.feedback(factor * gain * loop, 1).poles()
+        return int(((np.abs(poles) - 1 if sampled else np.real(poles)) > 0).sum())
+
+    return growing(1 - STEP) != growing(1 + STEP)
 
 
 def _at_the_ends(loop: control.StateSpace) -> list[float]:

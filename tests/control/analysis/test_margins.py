@@ -286,3 +286,42 @@ def test_bad_input_is_refused(ellipse):
         margins_along(k06_loop(), "force_y", motion)
     with pytest.raises(InputError, match="no margin 'delays'; did you mean 'delay'"):
         margins_along(blocks, "rudder", motion)["delays"]
+
+
+@pytest.mark.parametrize("wire", ["F", "v"])
+def test_a_delay_of_an_input_counts(wire):
+    """The loop ``k exp(-s T)/s``: phase margin ``90 deg - k T``, gain margin ``pi/(2 k T)``."""
+    v, F, w = Signal("v", "m/s"), Signal("F", "m/s^2"), Signal("w", "m/s")
+    T, k = Signal("T", "s", start=0.3), Signal("k", "1/s", start=2.0)
+    plant = Block("plant", [v], [F], [v], [T], {"v": F.symbol}, delays={"F": T.symbol})
+    law = Block("law", [], [v, w], [F], [k], output_expressions={"F": k.symbol * (w.symbol - v.symbol)})
+    found = margins([plant, law], wire, at={"w": 0.0})
+    assert found.phase == pytest.approx(90 - math.degrees(0.6), abs=1e-6)
+    assert found.gain_up == pytest.approx(math.pi / 1.2, rel=1e-6)
+    assert not margins([plant, law], wire, at={"w": 0.0}, params={"T": 0.8}).stable
+
+
+def test_a_late_command_is_linearised_at_its_value():
+    """Thrust n^2 of a late command n = 3 has the slope 6: the loop is ``6 k exp(-s T)/(s + 1)``."""
+    v, n, w = Signal("v", "m/s"), Signal("n"), Signal("w", "m/s")
+    T, a, b = Signal("T", "s", start=0.2), Signal("a", "m/s^2", start=1.0), Signal("b", "1/s", start=1.0)
+    k, trim = Signal("k", "s/m", start=0.5), Signal("trim", start=3.0)
+    slope = a.symbol * n.symbol**2 - b.symbol * v.symbol
+    plant = Block("plant", [v], [n], [v], [T, a, b], {"v": slope}, delays={"n": T.symbol})
+    law = Block(
+        "law", [], [v, w], [n], [k, trim],
+        output_expressions={"n": trim.symbol + k.symbol * (w.symbol - v.symbol)},
+    )  # fmt: skip
+    found = margins([plant, law], "n", at={"v": 9.0, "w": 9.0})
+    _, phase, _, crossover = control.margin(control.tf([3.0], [1.0, 1.0]))
+    assert found.phase == pytest.approx(phase - math.degrees(0.2 * crossover), abs=1e-4)
+
+
+@pytest.mark.parametrize("step", [0.01, 0.1, 0.5])
+def test_a_sampled_mass_with_drag_under_pid_bears_any_smaller_gain(step):
+    """Near z = 1 the phase tends to -180 deg and does not cross it."""
+    plant = control.c2d(control.ss(control.tf([1.0], [1.0, 1.0, 0.0])), step)
+    pid = control.tf([1.0 + 1.5 / step + 0.2 * step, -1.0 - 3.0 / step, 1.5 / step], [1.0, -1.0, 0.0], step)
+    found = loop_margins(plant * control.ss(pid))
+    assert found.stable and found.gain_down == 0.0 and "jitter" not in repr(found)
+    assert f"= {20 * math.log10(found.gain_up):.3g} dB" in repr(found)
