@@ -33,7 +33,7 @@ def names_python(text: str) -> bool:
     return text.partition(".py:")[1] != "" or text.endswith(".py")
 
 
-def from_python(text: str, *kinds: type) -> Any:
+def from_python(text: str, *kinds: type, lists: bool = False) -> Any:
     """Return an object that a Python file defines; the file is executed, as by ``import``.
 
     Parameters
@@ -43,6 +43,8 @@ def from_python(text: str, *kinds: type) -> Any:
         that is one of them counts as the model.
     *kinds : type
         Accepted types.
+    lists : bool, optional
+        Whether NAME may be a list or tuple of these types.
 
     Raises
     ------
@@ -52,14 +54,14 @@ def from_python(text: str, *kinds: type) -> Any:
     """
     file, _, name = (text if ".py:" in text else f"{text}:").rpartition(":")
     path = readable(file, "a Python file")
-    known, other, others = run_users_code(path, lambda: _defined(path, name, kinds))
+    known, other, others = run_users_code(path, lambda: _defined(path, name, kinds, lists))
     parts = {id(getattr(value, "block", None)) for value in known.values()}
     alone = {id(value): value for value in known.values() if id(value) not in parts}
     if not name and len(alone) == 1:
         return next(iter(alone.values()))
     if name in known:
         return known[name]
-    wanted = " or ".join(kind.__name__ for kind in kinds)
+    wanted = " or ".join(kind.__name__ for kind in kinds) + (", or a list of them" if lists else "")
     nearest = did_you_mean(name, known) if known else others
     if other:
         raise InputError(f"{text}: expected a {wanted}, found a {other}{nearest}")
@@ -68,7 +70,7 @@ def from_python(text: str, *kinds: type) -> Any:
     raise InputError(f"{path}: defines no {name!r}{nearest}")
 
 
-def _defined(path: Path, name: str, kinds: tuple[type, ...]) -> tuple[dict[str, Any], str, str]:
+def _defined(path: Path, name: str, kinds: tuple[type, ...], lists: bool) -> tuple[dict[str, Any], str, str]:
     """Return what a file defines of some kinds, and for errors what it defines instead.
 
     That is the type of what has the name, if it is of another kind, and the end of an error line: which
@@ -76,6 +78,9 @@ def _defined(path: Path, name: str, kinds: tuple[type, ...]) -> tuple[dict[str, 
     """
     module = _run(path)
     known = {key: value for key, value in vars(module).items() if isinstance(value, kinds)}
+    several = getattr(module, name, None) if lists and name else None
+    if isinstance(several, list | tuple) and several and all(isinstance(one, kinds) for one in several):
+        known[name] = list(several)
     other = name and name not in known and hasattr(module, name)
     found = {key: type(value).__name__ for key, value in vars(module).items()}
     there = [f"{key} (a {kind})" for key, kind in found.items() if kind in MACHINES]

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from functools import lru_cache
+from typing import Any
 
 import pint
 import sympy as sp
@@ -18,7 +19,7 @@ from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError, shown
 from hovercontrol.blocks.lookup import entry
 from hovercontrol.blocks.sgn import sgn
-from hovercontrol.blocks.unitsyntax import parse_unit, registry
+from hovercontrol.blocks.unitsyntax import factors, parse_unit, registry
 from hovercontrol.blocks.unknown_function import UnknownFunction
 
 BASE = ("kg", "m", "s", "A", "K", "mol", "cd")  #: SI base units, in FMI's order (``rad`` apart)
@@ -181,14 +182,35 @@ def unit_text(dims: Dimension) -> str:
     >>> unit_text(dimension("N"))
     'kg*m/s^2'
     """
+    return _joined(dict(zip(BASE, dims, strict=True)))
 
-    def power(name: str, exponent: sp.Rational) -> str:
+
+@lru_cache(maxsize=4096)
+def simplified(unit: str) -> str:
+    """Return a unit with each name once, in the units as they are written.
+
+    It is in SI base units where they take at most half as many names.
+
+    Examples
+    --------
+    >>> simplified("(N/V)/(kg)"), simplified("A/(m/s)"), simplified("(rad/s)/s"), simplified("(N*s/m)/(kg)")
+    ('N/V/kg', 'A*s/m', 'rad/s^2', '1/s')
+    """
+    found = factors(unit)
+    base = {name: power for name, power in zip(BASE, dimension(unit), strict=True) if power}
+    return _joined(base if 2 * len(base) <= len(found.keys() - {"rad"}) else found)
+
+
+def _joined(powers: Mapping[str, Any]) -> str:
+    """Return names with powers as a unit string."""
+
+    def power(name: str, exponent: Any) -> str:
         if exponent == 1:
             return name
-        return f"{name}^{exponent}" if exponent.is_Integer else f"{name}^({exponent})"
+        return f"{name}^{exponent}" if exponent.denominator == 1 else f"{name}^({exponent})"
 
-    above = [power(n, e) for n, e in zip(BASE, dims, strict=True) if e > 0]
-    below = [power(n, -e) for n, e in zip(BASE, dims, strict=True) if e < 0]
+    above = [power(n, e) for n, e in powers.items() if e > 0]
+    below = [power(n, -e) for n, e in powers.items() if e < 0]
     return "/".join(["*".join(above) or "1", *below])
 
 

@@ -47,11 +47,33 @@ def parse_unit(text: str) -> Any:
     """
     if not isinstance(text, str) or len(text) > LONGEST:
         raise ValueError(f"expected a text of {LONGEST} characters at most")
+    found = registry().dimensionless
+    for name, power in factors(text).items():
+        found = found * registry().parse_units(name) ** (
+            int(power) if power.denominator == 1 else float(power)
+        )
+    return found
+
+
+def factors(text: str) -> dict[str, Fraction]:
+    """Return the names of a unit's text with their powers.
+
+    Examples
+    --------
+    >>> {name: int(power) for name, power in factors("N*m/(rad/s)^2").items()}
+    {'N': 1, 'm': 1, 'rad': -2, 's': 2}
+    """
     reader = _Reader(_tokens(text.translate(_WRITTEN)))
-    found = reader.product(0) if reader.rest else registry().dimensionless
+    found = reader.product(0) if reader.rest else {}
     if reader.rest:
         raise ValueError(f"unexpected {reader.rest[0]!r}")
     return found
+
+
+def _times(a: dict[str, Fraction], b: dict[str, Fraction], power: Fraction) -> dict[str, Fraction]:
+    """Return the factors of ``a b^power``."""
+    whole = {name: a.get(name, Fraction(0)) + power * b.get(name, Fraction(0)) for name in {**a, **b}}
+    return {name: power for name, power in whole.items() if power}
 
 
 def _tokens(text: str) -> list[str]:
@@ -72,7 +94,7 @@ class _Reader:
     def __init__(self, tokens: list[str]) -> None:
         self.rest = tokens
 
-    def product(self, depth: int) -> Any:
+    def product(self, depth: int) -> dict[str, Fraction]:
         """Read factors separated by ``*``, ``/`` or nothing, which also means a product."""
         if depth > DEEPEST:
             raise ValueError("parentheses are too deep")
@@ -80,29 +102,30 @@ class _Reader:
         while self.rest and self.rest[0] != ")":
             sign = self.rest.pop(0) if self.rest[0] in "*·./" else "*"
             factor = self.power(depth)
-            found = found / factor if sign == "/" else found * factor
+            found = _times(found, factor, Fraction(-1 if sign == "/" else 1))
         return found
 
-    def power(self, depth: int) -> Any:
+    def power(self, depth: int) -> dict[str, Fraction]:
         base = self.atom(depth)
         if self.rest and self.rest[0] in ("^", "**"):
             self.rest.pop(0)
-            return base ** self.exponent()
+            return _times({}, base, self.exponent())
         return base
 
-    def atom(self, depth: int) -> Any:
+    def atom(self, depth: int) -> dict[str, Fraction]:
         token = self.next()
         if token == "(":
             found = self.product(depth + 1)
             self.need(")")
             return found
         if token == "1":
-            return registry().dimensionless
+            return {}
         if not (token[0].isalpha() or token[0] in "_°%"):
             raise ValueError(f"expected the name of a unit, found {token!r}")
-        return registry().parse_units(token)
+        registry().parse_units(token)  # raises if it is unknown
+        return {token: Fraction(1)}
 
-    def exponent(self) -> Any:
+    def exponent(self) -> Fraction:
         token = self.next()
         if token == "(":
             found = self.number(self.next())
@@ -112,7 +135,7 @@ class _Reader:
             self.need(")")
         else:
             found = self.number(token)
-        return int(found) if found.denominator == 1 else float(found)
+        return found
 
     def number(self, token: str) -> Fraction:
         if not re.fullmatch(r"-?\d{1,2}(\.\d{1,9})?", token) or not Fraction(token):

@@ -15,6 +15,7 @@ from hovercontrol.blocks.units import (
     conversion_factor,
     dimension,
     is_plain_si,
+    simplified,
     unit_text,
 )
 
@@ -150,3 +151,23 @@ def test_zero_fits_every_unit():
 def test_what_has_no_known_unit_is_refused():
     with pytest.raises(UnitError, match="cannot be derived"):
         of(sp.Symbol("unheard_of", real=True))
+
+
+@pytest.mark.parametrize(
+    ("unit", "shown"),
+    [
+        ("(N/V)/(kg)", "N/V/kg"),  # a gain over a mass: no base units where they are no shorter
+        ("(N*m/A)/(kg*m^2)", "1/s^2/A"),
+        ("(N*s/m)/(kg)", "1/s"),
+        ("(N)/(m/s)", "N*s/m"),
+        ("(m/s)/s", "m/s^2"),
+        ("(rad/s)*(rad)", "rad^2/s"),
+        ("(m)/s^(1/2)", "m/s^(1/2)"),
+        ("(K)*s", "K*s"),
+        ("(A)/(A)", "1"),
+    ],
+)
+def test_a_product_is_shown_in_the_units_that_are_written(unit, shown):
+    assert simplified(unit) == shown
+    if shown != "1":
+        assert conversion_factor(unit, simplified(unit)) == pytest.approx(1.0)

@@ -23,7 +23,7 @@ def export(
             help="A scenario or its TOML file: the whole closed loop; SCENARIO:PART: one part of it (plant, "
             "reference, controller, estimator, of an autopilot its sensors, links and actuators); a part by "
             "itself (imu, rudder_servo); a craft or a model file: its plant; FILE.py:NAME: a Block of your "
-            "own. --list shows them.",
+            "own, or a list of Blocks that are connected by signal name. --list shows them.",
             autocompletion=names.exportable,
         ),
     ] = "",
@@ -143,7 +143,7 @@ def _list(json: bool) -> int:
         if c.parts:
             print(f"{', '.join(c.parts)}{c.more} its parts")
     print("a model file or a scenario file (TOML), FILE.toml or FILE.toml:PART")
-    print("a Block, BlockModel or Model of your own, FILE.py:NAME")
+    print("a Block, BlockModel or Model of your own, or a list of them, FILE.py:NAME")
     print(f"{'platforms':35} {', '.join(PLATFORMS)}")
     return 0
 
@@ -167,8 +167,8 @@ def _system(
     )
     if not chosen.parts:
         raise InputError(
-            f"{out}: expected a continuous scenario's loop, such as table1; of Blocks of your own, "
-            f"in Python: hovercontrol.fmi.export_ssp([plant, controller], {out.name!r})"
+            f"{out}: expected a loop: a continuous scenario, such as table1, or FILE.py:NAME of a list of "
+            "Blocks, NAME = [plant, controller]"
         )
     more: dict[str, Any] = {k: v for k, v in (("step", step), ("stop", stop)) if v is not None}
     more["outputs"] = [name.strip() for name in outputs.split(",")] if outputs else []

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from pathlib import Path
 
-from hovercontrol.app.commands.options import from_users_file
+from hovercontrol.app.commands.options import parts_in_file
+from hovercontrol.base.boundary import as_user
 from hovercontrol.base.errors import InputError, did_you_mean
 from hovercontrol.base.tables import read_toml
 from hovercontrol.blocks.block import Block
@@ -50,7 +51,7 @@ def choose(name: str, params: Path | None = None) -> Choice:
         beside the ideal one; ``table1:controller`` one part of it; a name of
         :data:`~hovercontrol.app.commands.exportable_parts.PARTS` (``imu``) that part with its defaults; a
         vehicle (``four_fan``) or a model file (TOML) its plant; ``FILE.py:NAME`` a Block, or the plant of a
-        model, of one's own.
+        model, of one's own, or a list of them: the loop that they make.
     params : path, optional
         A parameter file for what a Python file defines.
 
@@ -66,7 +67,7 @@ def choose(name: str, params: Path | None = None) -> Choice:
     >>> choose("rudder_servo").block.period
     0.02
     """
-    own = from_users_file(name, params)
+    own = parts_in_file(name, params)
     if own is not None:
         return _own(name, own)
     if params is not None:
@@ -118,10 +119,12 @@ def choices() -> list[Listed]:
     return found + [Listed(name, f"part: {part.says}") for name, part in PARTS.items()]
 
 
-def _own(name: str, found: AnyModel) -> Choice:
-    block = found if isinstance(found, Block) else found.plant()
-    file, _, own = name.rpartition(":") if ":" in name else (name, "", block.name)
-    return _ticking(block, f"{own} of {Path(file).name}.", own)
+def _own(name: str, found: list[AnyModel]) -> Choice:
+    parts = [one if isinstance(one, Block) else one.plant() for one in found]
+    file, _, own = name.rpartition(":") if ":" in name else (name, "", parts[0].name)
+    block = parts[0] if len(parts) == 1 else as_user(interconnect, parts, own)
+    choice = _ticking(block, f"{own} of {Path(file).name}.", own)
+    return choice if len(parts) == 1 else replace(choice, parts=tuple(parts))
 
 
 def _ticking(block: Block, text: str, title: str) -> Choice:

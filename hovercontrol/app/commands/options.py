@@ -246,6 +246,27 @@ def craft(command: str, model: str | None, vehicle: str | None) -> Model:
 def from_users_file(name: str, params: Path | None = None) -> Model | BlockModel | Block | None:
     """Return the Model, BlockModel or Block that ``FILE.py:NAME`` names; None if a text names no Python file.
 
+    A list is connected by signal name to one Block.
+
+    Raises
+    ------
+    InputError
+        As :func:`hovercontrol.base.pythonfile.from_python`, if the Blocks of a list do not fit together, or
+        if the parameters are of another model.
+    """
+    from hovercontrol.base.boundary import as_user
+    from hovercontrol.blocks.interconnect import interconnect
+
+    found = parts_in_file(name, params)
+    if found is None or len(found) == 1:
+        return found[0] if found else None
+    joined: Block = as_user(interconnect, found, name.rpartition(":")[2])
+    return joined
+
+
+def parts_in_file(name: str, params: Path | None = None) -> list[Any] | None:
+    """Return what ``FILE.py:NAME`` names in a list: one Model, BlockModel or Block, or the Blocks of a list.
+
     Raises
     ------
     InputError
@@ -258,8 +279,12 @@ def from_users_file(name: str, params: Path | None = None) -> Model | BlockModel
 
     if not names_python(name):
         return None
-    found: Block | BlockModel | Model = from_python(name, Block, BlockModel, Model)
-    return _with(found, params)
+    found: Any = from_python(name, Block, BlockModel, Model, lists=True)
+    if not isinstance(found, list):
+        return [_with(found, params)]
+    if params is not None:
+        raise InputError(f"{name}: --params belongs to one model, found a list")
+    return [one if isinstance(one, Block) else one.plant() for one in found]
 
 
 def _with(model: Any, params: Path | None) -> Any:

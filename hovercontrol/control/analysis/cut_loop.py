@@ -187,9 +187,9 @@ class CutLoop:
     ) -> control.StateSpace:
         through = self._closed.to_numpy().outputs(*point)
         if self._late:
-            wires = dict(zip((s.name for s in self._closed.outputs), through, strict=True))
+            at_point = dict(zip((s.name for s in self._closed.outputs), through, strict=True))
             x = [
-                wires[self._late[s.name][0]] * self._late[s.name][1] if s.name in self._late else value
+                at_point[self._late[s.name][0]] * self._late[s.name][1] if s.name in self._late else value
                 for s, value in zip(self._closed.states, point.x, strict=True)
             ]
             point = point._replace(x=np.array(x))

@@ -99,10 +99,10 @@ class Margins:
     def __repr__(self) -> str:
         found = {name: getattr(self, name) for name in UNITS}
         factors = ("gain_up", "gain_down", "disk_gain")
-        rows = [
-            (name, f"{value:.4g}", f"= {20 * math.log10(value):.3g} dB" if name in factors and 0 < value < math.inf else UNITS[name])
-            for name, value in found.items() if not math.isnan(value)
-        ]  # fmt: skip
+        units = UNITS | {
+            name: f"= {20 * math.log10(found[name]):.3g} dB" for name in factors if 0 < found[name] < math.inf
+        }
+        rows = [(name, f"{v:.4g}", units[name]) for name, v in found.items() if not math.isnan(v)]
         return "\n".join(
             [f"the loop is {'stable' if self.stable else 'unstable'}; {self.outside}", *aligned(rows)]
         )

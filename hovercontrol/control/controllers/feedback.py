@@ -12,7 +12,7 @@ from hovercontrol.base.arrays import Array
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.sgn import sgn
 from hovercontrol.blocks.signals import Signal, suffixed, within_name
-from hovercontrol.blocks.units import dimension, unit_text
+from hovercontrol.blocks.units import simplified
 from hovercontrol.control.controllers.design import Design, Measured
 from hovercontrol.control.controllers.limits import applied_signal, limited
 
@@ -193,7 +193,7 @@ def _error(signal: Signal) -> str:
 
 
 def _integral(signal: Signal) -> Signal:
-    unit = unit_text(tuple(a + b for a, b in zip(dimension(signal.unit), dimension("s"), strict=True)))
+    unit = simplified(f"({signal.unit})*s")
     return Signal(f"integral_{_plain(signal)}", unit, f"integral of the error of {signal.name}")
 
 
@@ -203,9 +203,9 @@ def unit_of(above: str, below: str) -> str:
     Examples
     --------
     >>> unit_of("rad", "m"), unit_of("A", "m/s")
-    ('1/m', 's*A/m')
+    ('rad/m', 'A*s/m')
     """
-    return unit_text(tuple(a - b for a, b in zip(dimension(above), dimension(below), strict=True)))
+    return simplified(f"({above})/({below})")
 
 
 def _integrators(

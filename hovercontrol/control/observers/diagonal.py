@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from hovercontrol.base.errors import InputError
 from hovercontrol.blocks.signals import Signal
+from hovercontrol.blocks.units import simplified
 
 
 def diagonal(name: str, value: ArrayLike, size: int, positive: bool = False) -> list[float]:
@@ -31,11 +32,19 @@ def intensities(
 ) -> tuple[list[Signal], list[Signal]]:
     """Return the diagonals of R, of measured states, and of Q, of the estimated quantities, as parameters."""
     noise = [
-        Signal(f"R[{i},{i}]", f"({s.unit})^2*s", f"noise intensity of {s.name}", start=r, lower=0.0)
+        Signal(
+            f"R[{i},{i}]", simplified(f"({s.unit})^2*s"), f"noise intensity of {s.name}", start=r, lower=0.0
+        )
         for i, (s, r) in enumerate(zip(states, diagonal("R", R, len(states), positive=True), strict=True))
     ]
     drift = [
-        Signal(f"Q[{i},{i}]", f"({s.unit})^2/s", f"disturbance intensity of {s.name}", start=q, lower=0.0)
+        Signal(
+            f"Q[{i},{i}]",
+            simplified(f"({s.unit})^2/s"),
+            f"disturbance intensity of {s.name}",
+            start=q,
+            lower=0.0,
+        )
         for i, (s, q) in enumerate(zip(estimated, diagonal("Q", Q, len(estimated)), strict=True))
     ]
     return noise, drift

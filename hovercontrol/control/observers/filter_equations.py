@@ -9,6 +9,7 @@ import sympy as sp
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.derivatives import partial_derivatives
 from hovercontrol.blocks.signals import Signal, time
+from hovercontrol.blocks.units import simplified
 from hovercontrol.control.observers.ins.kalman import Correction, Equations, Estimate, wrapped
 from hovercontrol.control.observers.observed import Observed, measured_expressions
 from hovercontrol.control.observers.propagation import written_at
@@ -25,7 +26,7 @@ def filter_states(model: Observed) -> tuple[Signal, ...]:
     covariance = tuple(
         Signal(
             f"P[{i},{j}]",
-            f"({plant[i].unit})*({plant[j].unit})",
+            simplified(f"({plant[i].unit})*({plant[j].unit})"),
             f"covariance of the errors of {plant[i].name} and {plant[j].name}",
             start=variances[i] if i == j else 0.0,
         )

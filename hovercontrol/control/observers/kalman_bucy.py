@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 from hovercontrol.base.boundary import checked
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.signals import Signal, time
+from hovercontrol.blocks.units import simplified
 from hovercontrol.control.observers.diagonal import diagonal, intensities
 from hovercontrol.control.observers.regression import regression
 from hovercontrol.control.observers.ticking import sampled_estimator
@@ -90,7 +91,7 @@ def kalman_bucy(
     P = {
         (i, j): Signal(
             f"P[{i},{j}]",
-            f"({xi[i].unit})*({xi[j].unit})",
+            simplified(f"({xi[i].unit})*({xi[j].unit})"),
             "error covariance",
             start=p_start[i] if i == j else 0.0,
         )

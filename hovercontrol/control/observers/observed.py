@@ -12,6 +12,7 @@ from hovercontrol.base.tables import finite, positive
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.expressions import Expressions
 from hovercontrol.blocks.signals import Signal, suffixed
+from hovercontrol.blocks.units import simplified
 from hovercontrol.craft.models.interface import AnyModel
 
 
@@ -94,7 +95,7 @@ class Observed:
 def unit_over(plant: Block, state: str, time: str) -> str:
     """Return the unit of a state over that of a time; of a sampled plant, per step, the state's."""
     unit = plant.signal(state).unit
-    return unit if plant.period else f"({unit})/{time}"
+    return unit if plant.period else simplified(f"({unit})/{time}")
 
 
 def plant_of(plant: AnyModel, name: str, what: str) -> Block:
@@ -176,7 +177,7 @@ def observed(
         tuple(
             Signal(
                 f"{name}.measurement_noise_{s.name}",
-                f"({s.unit}){root}",
+                simplified(f"({s.unit}){root}"),
                 f"{'root spectral density' if continuous else 'standard deviation'} of the noise of {s.name}",
                 start=noise[s.name],
                 lower=0.0,

@@ -14,6 +14,7 @@ from hovercontrol.base.errors import InputError, did_you_mean
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.functions import call_scalar, numpy_functions
 from hovercontrol.blocks.signals import Signal, time
+from hovercontrol.blocks.units import simplified
 from hovercontrol.control.observers.regression import Regression
 
 
@@ -48,14 +49,14 @@ class Regressors:
 
     def __init__(self, model: Regression, drift: bool = True) -> None:
         n, m = model.G.shape
-        rates = [s.unit if model.block.period else f"({s.unit})/s" for s in model.states]
+        rates = [s.unit if model.block.period else simplified(f"({s.unit})/s") for s in model.states]
         entries = {
             (i, 0): (Signal(f"h[{i}]", rates[i]), e) for i, e in enumerate(model.h) if drift and e != 0
         }
         for i in range(n):
             for j, c in enumerate(model.coefficients):
                 if model.G[i, j] != 0:
-                    signal = Signal(f"G[{i},{j}]", f"{rates[i]}/({c.unit})")
+                    signal = Signal(f"G[{i},{j}]", simplified(f"{rates[i]}/({c.unit})"))
                     entries[i, j + 1] = (signal, model.G[i, j])
         used = set().union(*(e.free_symbols for _, e in entries.values())) - {time}
         own = set(model.states) if drift else set()

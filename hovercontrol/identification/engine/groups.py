@@ -18,7 +18,7 @@ import numpy as np
 
 from hovercontrol.base.arrays import Array, Mask
 from hovercontrol.base.short_repr import short_repr
-from hovercontrol.blocks.units import Dimension, dimension, unit_text
+from hovercontrol.blocks.units import dimension, simplified
 
 #: Largest exponent and number of members of a group that is looked for.
 HIGHEST, MEMBERS = 4, 4
@@ -104,7 +104,7 @@ def groups(
     >>> directions = np.array([[1.0], [2.0]]) / 5.0**0.5
     >>> (one,) = groups(directions, C, 0.0 * C, np.ones(2), {"k": 1.0, "m": 2.0}, {"k": "N/A", "m": "kg"})
     >>> one.name, one.value, round(one.std, 4), one.unit
-    ('k/m', 0.5, 0.0025, 'm/s^2/A')
+    ('k/m', 0.5, 0.0025, 'N/A/kg')
     """
     names = list(values)
     part = (directions**2).sum(axis=1)
@@ -116,12 +116,12 @@ def groups(
     if len(own) < 2 or not steps.shape[1]:
         return ()
     both = np.stack([C, wide])[:, own][:, :, own]
-    labels, dims = [names[j] for j in own], [dimension(units[names[j]]) for j in own]
+    labels, texts = [names[j] for j in own], [units[names[j]] for j in own]
     if np.all(p != 0.0):  # products: relative steps dp/p
         every = _integer(steps / p[:, None], both / np.outer(p, p), [n in last for n in labels])
         if every:
-            return tuple(_product(labels, dims, p, e, variance) for e, variance in every)
-    if len(set(dims)) > 1:
+            return tuple(_product(labels, texts, p, e, variance) for e, variance in every)
+    if len({dimension(unit) for unit in texts}) > 1:
         return ()
     every = _integer(steps, both, [False] * len(own))  # sums: absolute steps
     return tuple(_sum(labels, units[labels[0]], p, e, variance) for e, variance in every)
@@ -180,7 +180,7 @@ def _orthogonal(steps: Array) -> Array | None:
     return None
 
 
-def _product(labels: Sequence[str], dims: Sequence[Dimension], p: Array, e: Array, variance: float) -> Group:
+def _product(labels: Sequence[str], units: Sequence[str], p: Array, e: Array, variance: float) -> Group:
     """Return the product of powers e of parameters, with the variance of its logarithm."""
 
     def power(name: str, k: int) -> str:
@@ -190,8 +190,7 @@ def _product(labels: Sequence[str], dims: Sequence[Dimension], p: Array, e: Arra
     above = [power(n, k) for n, k in members.items() if k > 0]
     below = [power(n, -k) for n, k in members.items() if k < 0]
     value = float(np.prod(p**e))
-    each = [[int(k) * d for d in dim] for k, dim in zip(e, dims, strict=True)]
-    unit = unit_text(tuple(sum(column) for column in zip(*each, strict=True)))
+    unit = simplified("*".join(f"({one})^{int(k)}" for one, k in zip(units, e, strict=True) if k))
     name = "/".join(["*".join(above) or "1", *below])
     return Group(name, value, abs(value) * variance**0.5, unit, members)
 

@@ -109,7 +109,7 @@ class Alarm:
 def _unknown(name: str, size: str = "") -> str:
     sensor = name.endswith("_bias")
     return (
-        f"an offset{size} of {name.removesuffix('_bias')}" if sensor else f"an acceleration{size} in {name}'"
+        f"an offset{size} of {name.removesuffix('_bias')}" if sensor else f"an unknown term{size} in {name}'"
     )
 
 

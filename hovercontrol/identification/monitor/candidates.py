@@ -19,6 +19,7 @@ import sympy as sp
 from hovercontrol.base.errors import InputError, did_you_mean, shown
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.signals import Signal
+from hovercontrol.blocks.units import simplified
 from hovercontrol.control.observers.observed import owned
 from hovercontrol.craft.effects import Coefficient, Effect, Shape
 from hovercontrol.craft.models.base import output_for_channel
@@ -151,7 +152,7 @@ def unknowns_of(
     """
     per, found = "" if plant.period else "/s", []
     for name in driven:
-        key, unit = f"unknown_{name}", f"({plant.signal(name).unit}){per}"
+        key, unit = f"unknown_{name}", simplified(f"({plant.signal(name).unit}){per}")
         scale = unit_change(f"scale_{key}", unit, 1.0)
         found.append(Candidate(key, unit, sp.S.Zero, 1.0, rates={name: scale.symbol}, parameters=(scale,)))
     known = {c.name for c in candidates}

@@ -341,4 +341,4 @@ def _unknown_outputs(
 
 def _kind(unknown: Candidate) -> str:
     where = next(iter((*unknown.rates, *unknown.seen)))
-    return f"an acceleration in {where}'" if unknown.rates else f"an offset of {where}"
+    return f"an unknown term in {where}'" if unknown.rates else f"an offset of {where}"

@@ -23,6 +23,7 @@ from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.derivatives import partial_derivatives
 from hovercontrol.blocks.expressions import Expressions
 from hovercontrol.blocks.signals import Signal, time
+from hovercontrol.blocks.units import simplified
 from hovercontrol.control.observers.ins.kalman import Equations
 from hovercontrol.control.observers.propagation import Dynamics, runge_kutta, transition, written_at
 from hovercontrol.identification.monitor.candidates import Candidate
@@ -150,7 +151,11 @@ class AtTheEstimate:
             return [], [sp.S.One]
         write, n = self._write, len(own)
         S = [
-            s.replace(name=f"{s.name}_slope", unit=f"({s.unit})/({c.unit})", description=f"slope of {s.name}")
+            s.replace(
+                name=f"{s.name}_slope",
+                unit=simplified(f"({s.unit})/({c.unit})"),
+                description=f"slope of {s.name}",
+            )
             for s in own
         ]
         x, before = sp.Matrix([s.symbol for s in own]), sp.Matrix([s.symbol for s in S])

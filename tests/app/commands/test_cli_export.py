@@ -5,6 +5,7 @@ import re
 import zipfile
 from importlib import resources
 
+import control
 import fmpy
 import numpy as np
 import pytest
@@ -67,6 +68,34 @@ def test_a_loop_is_written_as_a_system_of_fmus(call, tmp_path):
     assert "SystemStructure.ssd" in zipfile.ZipFile(tmp_path / "loop.ssp").namelist()
     done = call("export", "imu", "-o", "loop.ssp", cwd=tmp_path)
     assert done.returncode == 2 and "continuous scenario" in done.stderr
+
+
+OVEN = """
+import hovercontrol as hc
+
+T, P = hc.Signal("T", "K"), hc.Signal("P", "W")
+C, G = hc.Signal("C", "J/K", start=50.0), hc.Signal("G", "W/K", start=2.0)
+OVEN = hc.Block("oven", [T], [P], [T], [C, G], {"T": (P.symbol - G.symbol * T.symbol) / C.symbol})
+LOOP = [OVEN, hc.pid(T, P, kp=8.0, ki=1.0)]
+"""
+
+
+def test_a_list_of_blocks_in_a_file_is_a_system_of_fmus_one_fmu_and_a_run(call, tmp_path):
+    """C T' = kp e + ki I - G T: from T_ref = 10 K the loop has the poles of 50 s^2 + 10 s + 1."""
+    (tmp_path / "oven.py").write_text(OVEN)
+    done = call("export", "oven.py:LOOP", "-o", "loop.ssp", "--outputs", "T", cwd=tmp_path)
+    assert done.returncode == 0 and "2 FMUs of FMI 2.0 (oven, controller)" in done.stdout, done.stderr
+    done = call("export", "oven.py:LOOP", "-o", "loop.fmu", cwd=tmp_path)
+    assert "(1 inputs" in done.stdout, done.stderr
+    times = np.arange(0.0, 20.0, 0.5)
+    run = fmpy.simulate_fmu(
+        str(tmp_path / "loop.fmu"), stop_time=20.0, output_interval=0.5, start_values={"T_ref": 10.0}
+    )
+    wanted = control.forced_response(control.tf([80.0, 10.0], [50.0, 10.0, 1.0]), times, np.ones(times.size))
+    assert np.interp(times, run["time"], run["T"]) == pytest.approx(wanted.outputs, abs=2e-2)
+    assert call("simulate", "oven.py:LOOP", "--duration", "1", cwd=tmp_path).returncode == 0
+    done = call("export", "oven.py:OVEN", "-o", "loop.ssp", cwd=tmp_path)
+    assert done.returncode == 2 and "NAME = [plant, controller]" in done.stderr
 
 
 @pytest.mark.parametrize(
@@ -211,7 +240,7 @@ def test_a_users_blocks_and_models_become_fmus(call, tmp_path):
         (["none.toml:plant"], "none.toml: expected a TOML file, there is no such file"),
         (["four_fan", "--step", "1e-320"], "expected 1e+09 steps at most"),
         (["four_fan", "-o", "x.fmx"], "x.fmx: expected a file name that ends in .fmu, or in .ssp"),
-        (["four_fan", "-o", "x.ssp"], "in Python: hovercontrol.fmi.export_ssp([plant, controller], 'x.ssp')"),
+        (["four_fan", "-o", "x.ssp"], "FILE.py:NAME of a list of Blocks, NAME = [plant, controller]"),
         (["four_fan", "-o", "/dev/null/x.fmu"], "cannot write there"),
         (["four_fan", "--fmi", "1"], "--fmi: expected 2 or 3, found 1"),
         (["four_fan", "--platforms", "win64"], "unknown platform 'win64'"),

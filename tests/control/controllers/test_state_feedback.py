@@ -41,7 +41,7 @@ def test_the_gains_are_those_of_control_lqr_on_matrices_by_hand():
     assert [found[f"controller.K_rudder_{s}"] for s in LINE] == pytest.approx(K[0], rel=1e-9)
     assert found["controller.rudder_trim"] == 0.0
     assert [s.name for s in block.outputs] == ["rudder"]
-    assert block.signal("psi_ref").unit == "rad" and block.signal("K_rudder_y").unit == "1/m"
+    assert block.signal("psi_ref").unit == "rad" and block.signal("K_rudder_y").unit == "rad/m"
 
 
 def test_the_loop_has_the_poles_and_margins_of_the_design():

@@ -13,7 +13,7 @@ SEEDS = [1, 2, 3, 4]
 def test_an_acceleration_that_no_candidate_explains_is_unknown(seed):
     found = hc.replay(cart_monitor(), log(50.0, seed=seed, push=0.2))
     (alarm,) = found.alarms
-    assert (alarm.kind, alarm.name, alarm.unit, alarm.rivals) == ("unknown", "v", "(m/s)/s", ())
+    assert (alarm.kind, alarm.name, alarm.unit, alarm.rivals) == ("unknown", "v", "m/s^2", ())
     assert abs(alarm.change - 0.2) < 3 * alarm.std < 0.15
     assert [label.get_text() for label in found.plot().axes[1].get_yticklabels()] == ["v"]
     assert "no candidate explains the change" in found.text()
