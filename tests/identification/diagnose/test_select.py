@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import hovercontrol as hc
 from hovercontrol.craft.effects import effect
 from hovercontrol.identification.diagnose.criteria import CRITERIA
 from hovercontrol.identification.diagnose.diagnose import diagnose
@@ -217,3 +218,26 @@ def test_a_fit_of_lugre_friction_ends_alike_from_any_start():
     assert np.ptp(costs) < 3.0 and (costs < base.cost - 100.0).all()
     for values in numbers:
         assert np.ptp(values) < 0.1 * values.mean()
+
+
+@pytest.mark.slow
+def test_a_bias_is_named_though_slow_process_noise_had_taken_its_place():
+    """White noise pushes the speed; without the bias, the noise became a slow one and nothing was named."""
+    v, i, U = hc.Signal("v", "m/s"), hc.Signal("i", "A"), hc.Signal("U", "V")
+    a, b = hc.Signal("a", "1", start=0.88, lower=0.0), hc.Signal("b", "m/s/A", start=0.22, lower=0.0)
+    g, e = hc.Signal("g", "1", start=0.68, lower=0.0), hc.Signal("e", "A/V", start=0.33, lower=0.0)
+    following = {
+        "v": a.symbol * v.symbol + b.symbol * i.symbol, "i": g.symbol * i.symbol + e.symbol * U.symbol,
+    }  # fmt: skip
+    rng, n, period = np.random.default_rng(3), 500, 0.1
+    given = np.repeat(rng.uniform(-2.0, 2.0, n // 10), 10)
+    x, seen = np.zeros(2), np.empty((n, 2))
+    for k in range(n):
+        seen[k] = x
+        x = np.array([0.86 * x[0] + 0.2 * x[1], 0.67 * x[1] + 0.31 * given[k]]) + [0.03 * rng.normal(), 0.0]
+    seen += 0.01 * seen.std(axis=0) * rng.normal(size=seen.shape) + [0.3 * seen[:, 0].std(), 0.0]
+    block = hc.Block("chain", [v, i], [U], [v, i], [a, b, g, e], following, period=period)
+    log = hc.Log("one", period * np.arange(n), {"v": seen[:, 0], "i": seen[:, 1], "U": given})
+    found = diagnose(hc.BlockModel(block), [log])
+    assert [effect.effect for effect in found.effects] == ["v_bias"]
+    assert found.evidence["v_bias"].gain > 50

@@ -133,19 +133,13 @@ class Search:
             return estimate(problem, prior, first_noise(problem), times=times)
 
 
-def falls_short(t: Tried, scored: Scored) -> bool:
-    """Return whether a fit gains less than half of the gain that its score predicted."""
-    return t.gain < TRIALS.half * scored.gain
-
-
 def try_effect(search: Search, current: Fit, e: Effect, scored: Scored | None = None) -> Tried | None:
     """Return the fit with an effect; None if the simulation of that model diverges from the logs.
 
     A fit that gains less than half of its predicted gain is taken to have ended in a poor local optimum. It
     is started again at the given coefficients, with the effect at each of its trial values, until two fits
     end at the same cost. A sensor error restarts at its neutral value, since the path was fitted to the
-    sensor's readings. If blocks agree on the effect and the gain is still short, the fit gets its own
-    correlation times.
+    sensor's readings.
     """
     first = _added(search, current, e)
     done = [first] if first else []
@@ -164,8 +158,7 @@ def try_effect(search: Search, current: Fit, e: Effect, scored: Scored | None = 
     if scored is not None:
         rule, half = "gain of the fit, at least half of the predicted", TRIALS.half * scored.gain
         search.trace.append(Decision("fit", e.name, rule, t.gain, half, t.gain >= half))
-    short = scored is not None and scored.allowed and falls_short(t, scored)
-    return _in_other_noise(search, current, t) if short and t.blocks.p_value < search.criteria.level else t
+    return t
 
 
 def _tried(name: str, fit: Fit, current: Fit) -> Tried:
@@ -174,14 +167,14 @@ def _tried(name: str, fit: Fit, current: Fit) -> Tried:
     return Tried(name, fit, current.cost - fit.cost, agreement(fit, current, name), numbers)
 
 
-def _in_other_noise(search: Search, current: Fit, t: Tried) -> Tried:
+def in_other_noise(search: Search, current: Fit, t: Tried) -> Tried | None:
     """Return a fit with its likeliest correlation times, compared with the model without it at these times.
 
-    Process noise with the correlation times of the model without an effect may fit as well as the effect.
+    None if they are no likelier than those of the model without the effect.
     """
     timed = with_times(search, t)
     if timed.fit.cost > t.fit.cost - CONVERGENCE.settled:
-        return t
+        return None
     less = search.fit(replace(current, noise=timed.fit.noise), current.model)
     gain = min(current.cost, less.cost) - timed.fit.cost
     return replace(timed, gain=gain, blocks=agreement(timed.fit, current, t.name))
