@@ -234,7 +234,7 @@ def test_a_bias_is_named_though_slow_process_noise_had_taken_its_place():
     x, seen = np.zeros(2), np.empty((n, 2))
     for k in range(n):
         seen[k] = x
-        x = np.array([0.86 * x[0] + 0.2 * x[1], 0.67 * x[1] + 0.31 * given[k]]) + [0.03 * rng.normal(), 0.0]
+        x = np.array([0.86 * x[0] + 0.2 * x[1] + 0.03 * rng.normal(), 0.67 * x[1] + 0.31 * given[k]])
     seen += 0.01 * seen.std(axis=0) * rng.normal(size=seen.shape) + [0.3 * seen[:, 0].std(), 0.0]
     block = hc.Block("chain", [v, i], [U], [v, i], [a, b, g, e], following, period=period)
     log = hc.Log("one", period * np.arange(n), {"v": seen[:, 0], "i": seen[:, 1], "U": given})
