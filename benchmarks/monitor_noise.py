@@ -1,8 +1,9 @@
-"""False alarms of a monitor under noise that is not normal or not white: a cart with a speed sensor."""
+"""False alarms of a monitor of a cart: noise not normal or not white, rounding, errors of coefficients."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from typing import Any
 from unittest.mock import patch
 
 import numpy as np
@@ -19,6 +20,8 @@ Noise = Callable[[np.random.Generator, int], Array]
 PERIOD, DRAG, MASS, NOISE, PUSH = 0.1, 0.5, 2.0, 0.02, 0.02
 KEEP = np.exp(-DRAG * PERIOD)
 RATE, SOUND = 20.0, 600.0  # 1/h, s
+#: Samples are rounded to 2.5 times their noise; coefficients are 3 % off.
+STEP, OFF = 2.5 * NOISE, 0.03
 
 
 def normal(rng: np.random.Generator, n: int) -> Array:
@@ -46,14 +49,27 @@ def log(seconds: float, noise: Noise, seed: int) -> hc.Log:
     return hc.Log("cart", t, {"v": v, "F": F})
 
 
-def false_alarms(run: hc.Log, sound: hc.Log, dispersion: bool) -> int:
-    """Return the number of alarms along a log, each followed by a reset."""
+def false_alarms(run: hc.Log, wrong: float = 0.0, noise: float = NOISE, **options: Any) -> int:
+    """Return the number of alarms along a log, each followed by a reset.
+
+    Parameters
+    ----------
+    wrong : float, optional
+        Relative error of the mass that the monitor takes, and of the drag with the other sign.
+    noise : float, optional
+        Of a sample, as the monitor takes it.
+    **options
+        Of the monitor.
+    """
     v, F = hc.Signal("v", "m/s"), hc.Signal("F", "N")
-    m, c = hc.Signal("m", "kg", start=MASS), hc.Signal("c", "1/s", start=DRAG)
+    m, c = (
+        hc.Signal("m", "kg", start=MASS * (1 + wrong)),
+        hc.Signal("c", "1/s", start=DRAG * (1 - wrong)),
+    )
     cart = hc.Block("cart", [v], [F], [v], [m, c], {"v": F.symbol / m.symbol - c.symbol * v.symbol})
     watch = hc.monitor(
         cart, ["c", "m", "v_bias"], false_alarms_per_hour=RATE, period=PERIOD, measured=["v"],
-        process_noise={"v": PUSH}, measurement_noise={"v": NOISE}, motion=sound, dispersion=dispersion,
+        process_noise={"v": PUSH}, measurement_noise={"v": noise}, **options,
     )  # fmt: skip
     alarm, count, reset = hc.Signal("alarm"), hc.Signal("alarms"), hc.Signal("reset")
     following = {"alarms": count.symbol + alarm.symbol}
@@ -64,6 +80,20 @@ def false_alarms(run: hc.Log, sound: hc.Log, dispersion: bool) -> int:
     return int(np.ravel(loop.compile().simulate(run.time, dict(run.columns)).outputs)[-1])
 
 
+def rounded(log: hc.Log) -> hc.Log:
+    return hc.Log(log.name, log.time, {**log.columns, "v": STEP * np.round(log["v"] / STEP)})
+
+
+def told(what: str, found: int, hours: float, bar: bool) -> tuple[str, str, str, bool | None]:
+    low, high = stats.poisson.interval(0.95, RATE * hours)
+    return (
+        what,
+        f"{found} in {hours:g} h",
+        f"{low:.0f} to {high:.0f}" if bar else "",
+        found <= high if bar else None,
+    )
+
+
 def rows() -> Iterator[tuple[str, str, str, bool | None]]:
     for label, noise, hours in (
         ("normal noise", normal, 20.0),
@@ -72,11 +102,29 @@ def rows() -> Iterator[tuple[str, str, str, bool | None]]:
         ("white noise and a process of 2 s", slow, 4.0),
     ):
         run, sound = log(3600.0 * hours, noise, 2), log(SOUND, noise, 3)
-        low, high = stats.poisson.interval(0.95, RATE * hours)
         for dispersion in (True, False):
-            found = false_alarms(run, sound, dispersion)
+            found = false_alarms(run, motion=sound, dispersion=dispersion)
             what = f"{label}, {'with' if dispersion else 'without'} dispersion"
-            wanted = f"{low:.0f} to {high:.0f} in {hours:g} h" if dispersion else ""
-            yield what, f"{found}", wanted, found <= high if dispersion else None
+            yield told(what, found, hours, dispersion)
         with patch.object(bank, "LIMIT", 1e9):
-            yield f"{label}, innovations not limited", f"{false_alarms(run, sound, False)}", "", None
+            yield told(f"{label}, innovations not limited", false_alarms(run, motion=sound), hours, False)
+    yield from known_errors(10.0)
+
+
+def known_errors(hours: float) -> Iterator[tuple[str, str, str, bool | None]]:
+    """Yield false alarms with rounded samples and with wrong coefficients, known to the monitor or not."""
+    run, sound = log(3600.0 * hours, normal, 2), log(SOUND, normal, 3)
+    coarse, quiet = rounded(run), rounded(sound)
+    whole = np.hypot(NOISE, STEP / np.sqrt(12.0))
+    known: dict[str, Any] = {"noise": whole, "motion": quiet, "repeats": True}
+    what = f"rounded to {STEP / NOISE:g} times the noise"
+    yield told(f"{what}, known", false_alarms(coarse, **known), hours, True)
+    yield told(
+        f"{what}, equal samples left out", false_alarms(coarse, **known | {"repeats": False}), hours, False
+    )
+    yield told(f"{what}, not known", false_alarms(coarse, motion=quiet, repeats=True), hours, False)
+    std = {"m": OFF * MASS, "c": OFF * DRAG}
+    what = f"coefficients {100 * OFF:g} % off"
+    yield told(f"{what}, known", false_alarms(run, OFF, motion=sound, coefficient_std=std), hours, True)
+    yield told(f"{what}, dispersion", false_alarms(run, OFF, motion=sound, dispersion=True), hours, True)
+    yield told(f"{what}, not known", false_alarms(run, OFF, motion=sound), hours, False)

@@ -20,7 +20,8 @@ from hovercontrol.identification.monitor.notes import Note
 #: Time after an alarm for which evidence is collected, in times of settling: 5 s for a craft.
 HOLD = 2.5
 
-#: While there is a rival, evidence is collected for at most this many times as long.
+#: While there is a rival, and the change has not ended, evidence is collected for at most this many times as
+#: long.
 LONGER = 3.0
 
 #: Standard errors beyond which a change or a rate is significant: the probability by chance is 1 in 370.
@@ -199,7 +200,7 @@ class Alarms:
                 self.found[-1] = now = replace(now, ended=now.ended if math.isfinite(now.ended) else now.last)
                 self.close()
                 yield "ended", now
-        elif tick.time - now.time >= (LONGER if now.rivals else 1.0) * self.hold:
+        elif tick.time - now.time >= self.hold * (LONGER if now.rivals and math.isnan(now.ended) else 1.0):
             yield from self._name(now)
 
     def _name(self, now: Alarm) -> Iterator[tuple[str, Alarm]]:

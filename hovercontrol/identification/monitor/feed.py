@@ -179,6 +179,12 @@ class Feed:
         yield from self._finish()
 
     @property
+    def knows_errors(self) -> bool:
+        """Whether the monitor knows the dispersion of its scores, or errors of a coefficient."""
+        dispersed = any(p.name.rpartition(".")[2].startswith("dispersion_") for p in self.block.parameters)
+        return dispersed or not self._estimates.keys().isdisjoint(candidates_in(self.block))
+
+    @property
     def _time(self) -> float:
         return math.nan if self.clock.last is None else self.clock.last.time
 

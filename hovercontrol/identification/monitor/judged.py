@@ -12,8 +12,12 @@ decide:
 - accelerations over the better of the two above D: the name is refuted. That of a lag or a delay is not: its
   response at another size has another shape;
 - constant over wandering amplitude, or it over the accelerations, not above D less the prior odds, or the
-  amplitude has a rate: the alarm may be due to an unknown acceleration, the one that is largest in units of
-  its standard deviation.
+  amplitude has a rate, or it is not significant: the alarm may be due to an unknown acceleration, the one
+  that is largest in units of its standard deviation. A name that has stood alone still does so when its
+  change has ended.
+
+With the amplitude theta and its variance V, ``theta^2/V`` is twice the logarithm of the likelihood ratio of
+the named change to none: below D, what was named may be no change.
 
 Each ratio is held below 2 D, so that what has held for long may still change soon. At the start the
 accelerations have the evidence that the one with most has in the bank beside that of the name, at most 0.
@@ -51,8 +55,9 @@ class Named:
         Error and amplitude with which an estimate begins, and their covariance.
     evidence, explained : sympy.Expr
         Largest g of all, and that of the named change.
-    begins, spared, steady : sympy.Expr
-        1 where the estimate begins, if it is never refuted, and if the amplitude has no significant rate.
+    begins, spared, steady, sure : sympy.Expr
+        1 where the estimate begins, if it is never refuted, if the amplitude has no significant rate, and if
+        it is significant or has ended after the name stood alone.
     """
 
     M: sp.Matrix
@@ -71,6 +76,7 @@ class Named:
     begins: sp.Expr
     spared: sp.Expr
     steady: sp.Expr
+    sure: sp.Expr
 
 
 @dataclass(frozen=True)
@@ -85,6 +91,8 @@ class Judged:
         1 if the amplitude does not hold, if the name does not, and if the amplitude does hold.
     doubts : list of sympy.Expr
         For each unknown acceleration, whether the alarm may be due to it.
+    doubt : sympy.Expr
+        Whether it may be due to any.
     wandering : Tracked
         The named change with an amplitude that wanders.
     """
@@ -95,6 +103,7 @@ class Judged:
     refuted: sp.Expr
     holds: sp.Expr
     doubts: list[sp.Expr]
+    doubt: sp.Expr
     wandering: Tracked
 
 
@@ -134,6 +143,8 @@ def judge(
     moved = sp.And(sp.Not(starts), ahead < -decides)
     states, following = [lead, *wandering.states], dict(wandering.next_values)
     refuted: sp.Expr = sp.S.Zero
+    unsure = sp.Or(named.steady < sp.S.Half, named.sure < sp.S.Half)
+    doubt = sp.Or(starts, ahead < doubted, unsure)
     doubts: list[sp.Expr] = []
     if forces:
         others, less = _accelerations(write, plant, bank, named, forces, ticks)
@@ -146,7 +157,7 @@ def judge(
         states += [against, *others.states]
         wrong = sp.And(sp.Not(starts), named.spared < sp.S.Half, now + sp.Min(ahead, 0) > decides)
         refuted = write.define("refuted", chosen(wrong, sp.S.One, sp.S.Zero))
-        doubt = sp.Or(starts, now > -doubted, ahead < doubted, named.steady < sp.S.Half)
+        doubt = sp.Or(now > -doubted, doubt)
         at = range(len(plant), len(plant) + len(forces))
         shares = [others.x[i] ** 2 / sp.Max(others.P[i, i], 1e-300) for i in at]
         shares = [write.define(f"unknown_share[{p}]", e) for p, e in enumerate(shares)]
@@ -154,7 +165,7 @@ def judge(
     renewed = write.define("renewed", chosen(sp.And(moved, refuted < sp.S.Half), sp.S.One, sp.S.Zero))
     following[lead.name] = chosen(sp.Or(starts, renewed > sp.S.Half), sp.S.Zero, ahead)
     holds = chosen(ahead < doubted, sp.S.Zero, sp.S.One)
-    return Judged(tuple(states), following, renewed, refuted, holds, doubts, wandering)
+    return Judged(tuple(states), following, renewed, refuted, holds, doubts, doubt, wandering)
 
 
 def _accelerations(

@@ -351,10 +351,16 @@ class _Estimate:
         spread = sp.Matrix(n + 1, n + 1, lambda i, k: self.wide * along[i] * along[k])
         spread[:n, :n] += start.evidence * self.phi * after
         begins = write.define("estimate_begins", chosen(self._told < sp.S.Half, sp.S.One, self.anew))
+        none, same, least = self.theta**2, (self.theta - self.peak) ** 2, DECIDES * self.variance
+        self.gone = write.define(
+            "gone", chosen(sp.And(same - none > least, none < least), sp.S.One, sp.S.Zero)
+        )
+        stood = self._state("stood", "1", "1 once the name has stood alone")
+        sure = chosen(none < least, self.gone * stood, sp.S.One)
         self.start = Named(
             self.M, self.push, self.jolt, self.left, self.moved, moves, self.phi, self.likelihood,
             sp.Max(self.peak**2, self.theta**2 + self.variance), self.first * sp.Matrix(along), spread,
-            start.evidence, start.explained, begins, spared, self.steady,
+            start.evidence, start.explained, begins, spared, self.steady, sure,
         )  # fmt: skip
         self.judged = judge(
             write, self._plant, self._bank, self.start, forces, self._segment, DECIDES, DOUBTED
@@ -390,16 +396,16 @@ class _Estimate:
         squared, least = self.theta**2, DECIDES * self.variance
         higher = sp.And(squared > self.peak**2, squared > least, self.steady > sp.S.Half)
         kept = chosen(higher, self.theta, self.peak)
-        following["peak"] = chosen(self.anew > sp.S.Half, sp.S.Zero, kept)
+        stood = chosen(self.judged.doubt, sp.Symbol("stood", real=True), sp.S.One)
+        for key, value in (("peak", kept), ("stood", stood)):
+            following[key] = chosen(self.anew > sp.S.Half, sp.S.Zero, value)
         self._state("named_theta", "1", "amplitude")
         self._state("named_variance", "1", "variance of the amplitude")
         following["named_theta"], following["named_variance"] = self.amplitude, self.variance
 
     def result(self) -> Refined:
         """Return the estimate."""
-        none, same, r = self.theta**2, (self.theta - self.peak) ** 2, self._n + 1
-        surer = sp.And(same - none > DECIDES * self.variance, none < DECIDES * self.variance)
-        ended = sp.And(surer, self.judged.holds > sp.S.Half)
+        r, ended = self._n + 1, sp.And(self.gone > sp.S.Half, self.judged.holds > sp.S.Half)
         return Refined(
             (*self._own, *self.judged.states),
             self._following | self.judged.next_values,

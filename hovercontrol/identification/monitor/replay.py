@@ -270,16 +270,21 @@ def replay(
         list(alarms.end(ticks[-1].time))
     report(1.0, "done")
     lines = [*notes, *(f"{log.name}: {note.text}" for note in faults if note.rows < 2)]
-    lines += [f"{log.name}: {line}" for line in _understated(watch, log, feed.measured)]
+    lines += [f"{log.name}: {line}" for line in _understated(watch, log, feed)]
     return _replayed(watch, log.name, feed, alarms, ticks, lines)
 
 
-def _understated(watch: Block, log: Log, channels: Sequence[str]) -> Iterator[str]:
-    """Give a line for each channel whose rounding adds to the noise that the monitor knows.
+def _understated(watch: Block, log: Log, feed: Feed) -> Iterator[str]:
+    """Give a line if a monitor knows no errors of its model, and for each channel whose rounding adds noise.
 
     Values rounded to q have the additional variance ``q^2/12``.
     """
-    for name in channels:
+    if not feed.knows_errors:
+        yield (
+            "the monitor knows no errors of its coefficients and noise (coefficient_std, or dispersion=True "
+            "with a reference log): such errors raise more false alarms than asked for"
+        )
+    for name in feed.measured:
         apart = steps(log[name][np.isfinite(log[name])])
         q, known = float(apart.min(initial=math.inf)), parameter_of(watch, f"measurement_noise_{name}")
         if math.isfinite(q) and q**2 / 12.0 > ROUNDED * known**2:

@@ -49,6 +49,7 @@ def test_a_change_of_an_uncertain_coefficient_is_put_into_its_estimate():
         process_noise={"v": 0.05}, measurement_noise={"v": 0.02}, coefficient_std={"c": 0.02},
     )  # fmt: skip
     feed = Feed(block)
+    assert feed.knows_errors
     place = [s.description for s in feed._compiled.block.states].index("estimate of c")
     rows = [{"v": 0.01 * k, "F": 0.1} for k in range(5)]
     for k in range(4):

@@ -46,6 +46,13 @@ def test_a_name_has_an_unknown_acceleration_as_its_rival_until_its_size_holds():
     assert out["possible_unknown_v"][k + 1] == 1.0 and out["possible_unknown_v"][-1] == 0.0
 
 
+@pytest.mark.parametrize("seed", [1, 2, 3, 4])
+def test_a_knock_is_no_offset_of_a_sensor(seed):
+    """It moves the cart once; the offset that explains the first samples is not significant later."""
+    for alarm in hc.replay(cart_monitor(), log(seed=seed, push=1.0, until=30.3)).alarms:
+        assert alarm.rivals or alarm.kind == "unknown"
+
+
 @pytest.mark.parametrize("until", [33.0, 45.0])
 def test_a_change_that_ends_is_told_once_with_both_times(until):
     """It ends while the evidence is collected, or after it was put into the monitor."""
