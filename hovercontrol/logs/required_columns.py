@@ -135,8 +135,10 @@ def suggested(wanted: Mapping[str, str], names: Sequence[str], units: Mapping[st
     --------
     >>> suggested({"time": "s", "thrust": "N", "psi": "rad"}, ["t_ms", "heading_deg", "thrust_N"], {})
     {'thrust': 'thrust_N', 'time': 't_ms:ms', 'psi': 'heading_deg:deg'}
+    >>> suggested({"F": "N", "v": "m/s"}, ["speed_km_h", "push_N"], {})
+    {'F': 'push_N', 'v': 'speed_km_h:km/h'}
     """
-    of = {name: units.get(name) or unit_at_end(name) for name in names}
+    of = {name: units.get(name) or unit_at_end(name) or _after_underscores(name) for name in names}
     found: dict[str, str] = {}
     for ours in wanted:
         words = {word: n for n in reversed(names) if n not in found.values() for word in _words(n)}
@@ -148,9 +150,17 @@ def suggested(wanted: Mapping[str, str], names: Sequence[str], units: Mapping[st
         fitting = [n for n, d in free.items() if d == own]
         if len(fitting) == 1 and list(open_signals.values()).count(own) == 1:
             found[ours] = fitting[0]
-    return {
-        o: n if n in units or not of[n] or of[n] == wanted[o] else f"{n}:{of[n]}" for o, n in found.items()
-    }
+    plain = {o for o, n in found.items() if n in units or of[n] == wanted[o]}
+    plain |= {o for o, n in found.items() if _dimension(of[n]) is None}
+    plain |= {o for o, n in found.items() if wanted[o] and _dimension(of[n]) != _dimension(wanted[o])}
+    return {o: n if o in plain else f"{n}:{of[n]}" for o, n in found.items()}
+
+
+def _after_underscores(name: str) -> str:
+    """Return the unit at the end of ``speed_km_h``, ``push_N``: km/h, N; empty if there is none."""
+    parts = name.split("_")
+    ends = ("/".join(parts[k:]) for k in range(max(1, len(parts) - 2), len(parts)))
+    return next((end for end in ends if _dimension(end) is not None), "")
 
 
 def _words(name: str) -> list[str]:

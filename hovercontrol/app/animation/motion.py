@@ -122,7 +122,8 @@ def motion_of(run: AnyRun, obstacles: ArrayLike = (), waypoints: ArrayLike = ())
     """Return the motion of a craft from a run.
 
     True signals (``true_x``) of a scenario are preferred to measured ones, and states of a closed loop
-    (``plant.x``) serve where its outputs lack the pose.
+    (``plant.x``) serve where its outputs lack the pose. Without ``psi`` the heading is the only state in rad;
+    if no state is in rad, it is the direction of motion.
 
     Raises
     ------
@@ -130,7 +131,8 @@ def motion_of(run: AnyRun, obstacles: ArrayLike = (), waypoints: ArrayLike = ())
         If ``x``, ``y`` or ``psi`` is missing, ambiguous or known at fewer than two times.
     """
     name, time, columns = _columns(run)
-    pose = [_find(name, columns, key) for key in POSE]
+    place = [_find(name, columns, key) for key in POSE[:2]]
+    pose = [*place, _heading(run, name, columns, *place)]
     known = np.isfinite(pose).all(axis=0)
     if known.sum() < 2:
         raise InputError(f"{name}: expected x, y and psi at two times or more, found {int(known.sum())}")
@@ -182,6 +184,15 @@ def _find(name: str, columns: Mapping[str, Array], key: str) -> Array:
         return columns[ends[0]]
     found = f"several: {', '.join(ends)}" if ends else f"only {', '.join(columns) or 'no signals'}"
     raise InputError(f"{name}: expected the pose of a craft, x, y and psi; of {key!r} it holds {found}")
+
+
+def _heading(run: AnyRun, name: str, columns: Mapping[str, Array], x: Array, y: Array) -> Array:
+    """Return ``psi``; of a machine without it the only state in rad, or the direction of motion."""
+    units: Mapping[str, str] = getattr(run, "units", {})
+    turning = [key for key in getattr(run, "state_labels", None) or () if units.get(key) == "rad"]
+    if any(key.rpartition(".")[2] in ("psi", "true_psi") for key in columns) or len(turning) > 1 or not units:
+        return _find(name, columns, POSE[2])
+    return columns[turning[0]] if turning else np.arctan2(np.gradient(y), np.gradient(x))
 
 
 def _found(columns: Mapping[str, Array], taken: Mapping[str, Array], key: str) -> Array | None:

@@ -44,7 +44,8 @@ def plot_path(
     Parameters
     ----------
     run : control.TimeResponseData, Log, Run or MachineRun
-        With ``x``, ``y`` [m] and ``psi`` [rad], as for :func:`hovercontrol.animate`.
+        With ``x``, ``y`` [m] and ``psi`` [rad], as for :func:`hovercontrol.animate`. Of a machine of one's
+        own without ``psi`` the heading is its only state in rad, or its direction of motion.
     model : Model, optional
         Model of the craft, for its size.
     obstacles, waypoints : array_like, optional

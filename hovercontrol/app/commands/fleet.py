@@ -37,7 +37,7 @@ def fleet(
             "--by",
             metavar="folder|COLUMN|REGEX",
             help="What tells the craft of a log: the name of its folder, a column, or a regular expression "
-            r"with a group that matches its address: 'boat(\d+)'.",
+            r"with a group that matches its address: 'boat(\d+)'; '([^/]+)[.]' takes each file as a craft.",
             autocompletion=names.of("folder"),
         ),
     ] = "folder",

@@ -7,10 +7,11 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
 from html import escape
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from markupsafe import Markup
+from scipy.stats import chi2
 
 from hovercontrol.base.html import fold
 from hovercontrol.base.percent import percent
@@ -43,7 +44,7 @@ def sentences(fleet: Fleet) -> Iterator[str]:
     yield f"{good} of {len(fleet.results)} logs of {len(fleet.craft)} craft used; model {fleet.model.name}"
     yield from map(_common, fleet.common)
     yield from _left(fleet)
-    found = [*_faults(fleet), *_off(fleet), *_changes(fleet), *_few(fleet)]
+    found = [*_faults(fleet), *_off(fleet), *_changes(fleet), *_few(fleet), *_scattered(fleet)]
     yield from found
     if not (found or fleet.common):
         yield "no craft differs from the others, nothing drifts, and the model lacks nothing beyond noise"
@@ -121,6 +122,27 @@ def _few(fleet: Fleet) -> Iterator[str]:
         yield f"no coefficient differs between the {len(fleet.craft)} craft by more than logs of one craft do"
 
 
+def _scattered(fleet: Fleet) -> Iterator[str]:
+    """Yield what differs between logs of one craft that are too few for a change over time.
+
+    If all n logs had one value, the sum of their squared deviations over their variances would be chi-squared
+    of n - 1 degrees of freedom. The level is shared by all tests (Bonferroni).
+    """
+    used = [r for r in fleet.results.values() if "refused" not in r]
+    rows: dict[tuple[str, str], list[dict[str, Any]]] = {}
+    for r in used:
+        for c in r.get("coefficients", ()):
+            if c["std"]:
+                rows.setdefault((r["craft"], c["name"]), []).append(c)
+    few = {key: own for key, own in rows.items() if 1 < len(own) < LEAST}
+    for (craft, name), own in few.items():
+        y, std = (np.array([c[key] for c in own]) for key in ("value", "std"))
+        mean = np.average(y, weights=std**-2)
+        if chi2.sf((((y - mean) / std) ** 2).sum(), len(y) - 1) <= LEVEL / len(few):
+            values = f"{y.min():.4g} to {y.max():.4g} {own[0]['unit']}"
+            yield f"{craft}: {name} differs between its {len(y)} logs: {values}"
+
+
 def _every(fleet: Fleet) -> Iterator[str]:
     """Yield the verdicts and the alarms, where every log was diagnosed and replayed."""
     verdicts = Counter(r["verdict"] for r in fleet.results.values() if "verdict" in r)
@@ -158,6 +180,8 @@ def _clocks(fleet: Fleet) -> Iterator[str]:
     lost = sorted({r["craft"] for r in fleet.results.values() if r.get("craft")} - set(fleet.craft))
     if lost:
         yield f"no log can be used of {len(lost)} craft: {', '.join(lost[:SHOWN])}"
+    if len(fleet.craft) == 1 and len(used) > 1:
+        yield f"all logs count as one craft, {fleet.craft[0]}; --by '([^/]+)[.]' takes each file as a craft"
     short = [n for n, k in Counter(r["craft"] for r in used).items() if k < LEAST]
     if short and len(used) > len(fleet.craft):
         some = ", ".join(sorted(short)[:SHOWN])

@@ -173,3 +173,20 @@ def test_logs_in_a_bucket_are_read_as_those_of_a_folder(carts, tmp_path, monkeyp
     s3.stop()
     values = [[r["coefficients"] for r in found.results.values()] for found in (there, here)]
     assert values[0] == values[1] and len(values[0]) == 2 and there.craft == ["cart2"]
+
+
+def test_logs_of_one_folder_are_one_craft_and_their_differences_are_told(tmp_path):
+    """Four files of four carts: what differs is told, and how each file is taken as a craft."""
+    rates = {f"cart{k}": rate for k, rate in enumerate((0.8, 0.8, 0.8, 1.6))}
+    write_carts(tmp_path, np.random.default_rng(3), rates, 1)
+    logs = []
+    for k, file in enumerate(sorted(tmp_path.glob("cart*/*.csv"))):
+        logs.append(str(file.rename(tmp_path / f"cart{k}.csv")))
+    said = fleet(CART, logs, out=tmp_path / "out").text()
+    assert f"{tmp_path.name}: k differs between its {len(logs)} logs: 0." in said and " to 1." in said
+    assert f"all logs count as one craft, {tmp_path.name}; --by '([^/]+)[.]'" in said
+    apart = fleet(CART, logs, by="([^/]+)[.]", out=tmp_path / "apart")
+    assert (
+        list(apart.craft) == [f"cart{k}" for k in range(len(logs))]
+        and "k differs between craft" in apart.text()
+    )
