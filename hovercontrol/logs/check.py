@@ -29,17 +29,23 @@ class PlausibleLimits:
     coarse : float
         Largest fraction of rows that repeat the time of the row before by mistakes of a logger; if there are
         more, the stamps are coarser than the rows.
+    rate : float
+        Largest rate of rows [Hz].
     """
 
     turn: float = 60.0
     value: float = 1e20
     coarse: float = 0.2
+    rate: float = 1e5
 
 
 Rows = NDArray[np.intp]
 
 #: The values in use.
 PLAUSIBLE = PlausibleLimits()
+
+#: Days of 1970 and 2100 in Excel (from 30 December 1899), and in MATLAB's datenum (from the year 0).
+SERIAL_DATES = ((25569.0, 73051.0), (719529.0, 767011.0))
 
 
 def check_finite(file: str, source: Source, column: str, values: Floats) -> None:
@@ -96,6 +102,21 @@ def check_time(file: str, source: Source, column: str, time: Floats, firsts: Row
         f"{file}: {where}, column {column!r}: time {'repeats' if repeats else 'runs backwards'}: "
         f"expected more than {before}, found {text}{more}{hint}"
     )
+
+
+def check_days(file: str, column: str, time: Floats) -> None:
+    """Raise if a time is a serial date in days, as Excel and MATLAB count them from 1900 and from 0.
+
+    In seconds its rows would be faster than ``PLAUSIBLE.rate``; in days they are not.
+    """
+    steps = np.diff(time)
+    if not steps.size or not 0.0 < np.median(steps) < 1.0 / PLAUSIBLE.rate:
+        return
+    if any(low <= time[0] <= high for low, high in SERIAL_DATES):
+        raise InputError(
+            f"{file}: column {column!r}: {time[0]:.10g} with steps of {np.median(steps):.2g} looks like a "
+            f"date in days (Excel, MATLAB): --columns time={column}:day (in seconds: time={column}:s)"
+        )
 
 
 def check_gaps(log: Log) -> None:

@@ -17,7 +17,14 @@ from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import ArgumentError, InputError, did_you_mean
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.plant_model import PlantModel
-from hovercontrol.logs.check import check_codes, check_finite, check_heading, check_size, check_time
+from hovercontrol.logs.check import (
+    check_codes,
+    check_days,
+    check_finite,
+    check_heading,
+    check_size,
+    check_time,
+)
 from hovercontrol.logs.column_units import (
     column_of,
     conversion_to_si,
@@ -182,6 +189,8 @@ def _read_source(
         left_out = [f"{file}: {copies.size:,} copies of the row before: left out"]
         firsts = firsts - np.searchsorted(copies, firsts)
         data = {name: np.delete(column, copies) for name, column in data.items()}
+    if "time" not in conversions:
+        check_days(str(file), names["time"], data["time"])
     if "psi" in data:
         check_heading(str(file), names["psi"], data["time"], data["psi"], data.get("r"))
     log = _log(file.name, data, firsts, trial)

@@ -113,6 +113,8 @@ FORMATS = (
     Format("Motive (OptiTrack) CSV", (), "motive:motive", "`Body.x`, `Body.qx` ... `Body.qw` or `Body.rx`; m, rad; y is up",  # noqa: E501
            (b"Format Version,", b"\xef\xbb\xbfFormat Version,")),
     Format("Vicon CSV", (), "vicon:vicon", "`Body.x`, `Body.rx` (rotation vector), `Body:Marker.x`; m, rad", _VICON),  # noqa: E501
+    Format("Qualisys TSV", (), "qualisys:qualisys", "`body.x`, `body.yaw`, `marker.x`; mm, deg", (), "",
+           rb"(\xef\xbb\xbf)?NO_OF_FRAMES\t"),
     Format("ROS bag, MCAP", (".bag", ".mcap", ".db3"), "bag:bag", "`/odom/pose.pose.position.x`, `/odom/time` (recorded)",  # noqa: E501
            (b"#ROSBAG V2.0", b"\x89MCAP0\r\n", b"SQLite format 3\0"), "rosbags"),
     Format("PX4 ULog", (".ulg", ".ulog"), "ulog:ulog", "`vehicle_attitude/q[0]`; a second instance `topic[1]/...`",  # noqa: E501
@@ -143,7 +145,12 @@ FORMATS = (
 
 #: Files that are no logs of these formats: first bytes and their place, what it is, what reads it.
 OTHERS = (
-    (b"PK\x03\x04", 0, "an archive (ZIP, or a workbook of Excel)", "unpack it, or save the sheet as CSV"),
+    (
+        b"PK\x03\x04",
+        0,
+        "an archive (ZIP, a workbook of Excel, or NumPy's npz)",
+        "unpack it, or save the sheet as CSV",
+    ),
     (b"\xd0\xcf\x11\xe0", 0, "a workbook of an old Excel", "save the sheet as CSV"),
     (b"\x1f\x8b", 0, "compressed by gzip", "unpack it with gunzip"),
     (b"\x28\xb5\x2f\xfd", 0, "compressed by zstd", "unpack it with unzstd"),
@@ -157,6 +164,8 @@ OTHERS = (
     (b"IFHD", 0, "an ADTF recording", "adtf_dattool --export writes its streams as CSV"),
     (b"%PDF", 0, "a PDF document", "export the data as CSV"),
     (b"\x89PNG", 0, "a picture", "export the data as CSV"),
+    (b"CDF", 0, "a netCDF file of version 3", "`nccopy -k nc4` writes it as HDF5"),
+    (b"{", 0, "JSON", "write a CSV or Parquet table, such as pandas.read_json(file, lines=True).to_csv"),
     (b"\x7fELF", 0, "a program", "name its log instead"),
 )
 

@@ -49,14 +49,19 @@ DAY = 86_400 * 10**9
 #: Power of ten from each unit of a stamp to nanoseconds.
 PLACES = {"s": 9, "ms": 6, "us": 3, "ns": 0}
 
+#: Units of whole parts of a stamp [ns].
+WHOLE = {"week": 7 * DAY, "day": DAY}
+
 #: Suffixes of column names that give the unit of a part of a stamp.
 _NAMED = (
     ("ns", r"(nsecs?|nanosecs?|nanoseconds?|ns)"),
     ("us", r"(usecs?|microsec(ond)?s?|us)"),
     ("ms", r"(msecs?|ms)"),
+    ("week", r"(weeks?|wn|wno)"),
 )
 _DAY = re.compile(r"\d{4}-\d\d-\d\d")
 _DAYS = re.compile(r"(?P<days>-?\d+) days? \+?(?P<clock>\d\d:\d\d:\d\d.*)")
+_EUROPEAN = r"^(\d\d)\.(\d\d)\.(\d{4})[ T]"
 _ZONE = re.compile(r"(Z|[-+]\d\d:?\d\d)$")
 
 
@@ -128,9 +133,10 @@ class Stamps:
     def _unit(self, name: str, unit: str) -> str:
         """Return the unit of a part; if none is given, infer it from its name or from the resulting year."""
         if unit and unit not in PLACES:
-            if len(self.parts) > 1:
+            if len(self.parts) > 1 and unit not in WHOLE:
+                known = ", ".join((*PLACES, *WHOLE))
                 raise ArgumentError(
-                    f"{self.file}: time: expected s, ms, us or ns for {name!r}, found {unit!r}"
+                    f"{self.file}: time: expected one of {known} for {name!r}, found {unit!r}"
                 )
             conversion_factor(unit, "s")
         if unit:
@@ -150,6 +156,8 @@ class Stamps:
 
     def _nanoseconds(self, name: str, unit: str, column: pa.Array, row: int) -> Any:
         kind = column.type
+        if len(self.parts) > 1 and unit in WHOLE:
+            return _integers(column.cast(pa.float64(), safe=False).cast(pa.int64())) * WHOLE[unit]
         if pa.types.is_string(kind) or pa.types.is_large_string(kind):
             return self._dates(name, column, row)
         if pa.types.is_timestamp(kind):
@@ -170,6 +178,7 @@ class Stamps:
     def _dates(self, name: str, column: pa.Array, row: int) -> Any:
         """Return dates in ISO 8601 format, or times of day, as nanoseconds since 1970."""
         text = pc.replace_substring(pc.utf8_trim_whitespace(column), ",", ".")
+        text = pc.replace_substring_regex(text, _EUROPEAN, r"\3-\2-\1T")
         first = next((v.as_py() for v in text.drop_null()[:1]), "")
         if _DAYS.match(first):  # a duration, as pandas writes it: 1 days 00:00:00.5
             parts = pc.extract_regex(text, f"^{_DAYS.pattern}$")

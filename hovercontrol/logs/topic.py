@@ -61,8 +61,7 @@ def topics_of(file: Path) -> list[Topic]:
         else:
             header = [name for name in table.header if name]
             clock = "time" if "time" in header else ""
-            rows = sum(batch.num_rows for batch in table.batches([clock or header[0]]))
-            found.append(
-                Topic(file.name, sorted(table.numeric() & set(header), key=header.index), rows, clock, table)
-            )
+            numbers = sorted(table.numeric() & set(header), key=header.index)
+            rows = sum(batch.num_rows for batch in table.batches(numbers[:1]))
+            found.append(Topic(file.name, numbers, rows, clock, table))
     return found

@@ -84,7 +84,7 @@ def test_two_files_that_count_from_an_epoch_stay_on_one_clock(tmp_path: Path) ->
         ("t,x,y,psi\nlate,0,0,0\nlater,0,0,0\n", "t", "line 2, column 't': expected a time .*found 'late'"),
         ("t,x,y,psi\n1732647600.5,0,0,0\n1732647600.5,1,0,0\n", "t", "line 3, column 't': time repeats"),
         ("sec,nsec,x,y,psi\n5,1,0,0,0\n", "sec+nanosec", "no column 'nanosec' to read 'time' from"),
-        ("sec,b,x,y,psi\n5,1,0,0,0\n", "sec+b:deg", "time: expected s, ms, us or ns for 'b', found 'deg'"),
+        ("sec,b,x,y,psi\n5,1,0,0,0\n", "sec+b:deg", "one of s, ms, us, ns, week, day for 'b', found 'deg'"),
     ],
 )  # fmt: skip
 def test_a_stamp_that_cannot_be_is_told(tmp_path: Path, text: str, said: str, error: str) -> None:

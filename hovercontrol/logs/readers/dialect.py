@@ -20,7 +20,7 @@ SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs", "|": "bars", " ": 
 
 _POINT = re.compile(r"[-+]?(\d+(\.\d*)?|\.\d+)([eE][-+]?\d+)?|[-+]?(nan|inf|infinity)", re.IGNORECASE)
 _COMMA = re.compile(r"[-+]?\d*,\d+([eE][-+]?\d+)?")
-_DATE = re.compile(r"\d{4}-\d\d-\d\d.*|\d\d:\d\d:\d\d.*")
+_DATE = re.compile(r"\d{4}-\d\d-\d\d.*|\d\d\.\d\d\.\d{4}.*|\d\d:\d\d:\d\d.*")
 _ONE = (
     r"(?:[numkcMµ]?(?:s|m|rad|g|N|Nm|V|A|W|Hz|Pa|J|bar)"
     r"|[mcd]?[lL](?=/)"  # litres in a flow: a column (L) is one on the left

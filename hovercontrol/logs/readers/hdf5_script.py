@@ -10,6 +10,8 @@ import numpy as np
 WIDEST = 64
 """Columns of a matrix that are named one by one."""
 
+_PACKED = (("scale_factor", 1.0), ("add_offset", 0.0))
+
 
 def contents(file: str) -> tuple[dict[str, str], dict[str, Any]]:
     """Return the units that are stated, and columns, by path."""
@@ -24,16 +26,30 @@ def contents(file: str) -> tuple[dict[str, str], dict[str, Any]]:
             stated = item.attrs.get("units", item.attrs.get("unit", ""))
             unit = stated.decode("utf-8", "replace") if isinstance(stated, bytes) else str(stated)
             for column, values in _columns(name, item):
-                columns[column], units[column] = values, unit
+                columns[column], units[column] = _unpacked(values, item.attrs), unit
     return units, columns
+
+
+def _unpacked(values: Any, attrs: Any) -> Any:
+    """Return packed values as numbers (CF conventions 1.11, 2.5.1 and 8.1)."""
+    missing = [np.ravel(attrs[name]) for name in ("_FillValue", "missing_value") if name in attrs]
+    scale, offset = (np.ravel(attrs.get(name, [default]))[0] for name, default in _PACKED)
+    lost = np.isin(values, np.concatenate(missing)) if missing else np.zeros(1, dtype=bool)
+    if lost.any() or (scale, offset) != (1.0, 0.0):
+        return np.where(lost, np.nan, values * float(scale) + float(offset))
+    return values
 
 
 def _columns(name: str, item: Any) -> Iterator[tuple[str, Any]]:
     kind = item.dtype
     if kind.names and item.ndim == 1:
         for key in kind.names:
-            if kind[key].kind in "biuf":
-                yield f"{name}.{key}", _native(item[key])
+            if kind[key].base.kind in "biuf" and len(kind[key].shape) < 2:
+                values = _native(item[key])
+                for k in range(values.shape[1]) if values.ndim > 1 else ():
+                    yield f"{name}.{key}[{k}]", values[:, k]
+                if values.ndim == 1:
+                    yield f"{name}.{key}", values
     elif kind.kind in "biuf" and item.ndim in (1, 2) and max(item.shape, default=0) > 1:
         if item.ndim == 1:
             yield name, _native(item[()])

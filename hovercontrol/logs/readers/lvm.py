@@ -1,8 +1,12 @@
-"""LabVIEW measurement files (.lvm), read by lvm-read: ``time`` and the channels of each segment."""
+"""LabVIEW measurement files (.lvm), read by lvm-read: ``time`` and the channels.
+
+Segments with the same channels follow each other in one table. If each channel has times of its own
+(``X_Columns Multi``) that differ, each is a table.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +15,12 @@ import numpy as np
 from hovercontrol.base.errors import InputError
 from hovercontrol.logs.readers.tables import Table, Tables, faults, library, unit_or_none
 
+#: Times and channels, by name and unit, of a part of a segment that has one clock.
+_Part = tuple[Any, dict[tuple[str, str], Any]]
+
 
 def lvm(file: Path) -> Tables:
-    """Open a measurement; segments after the first have ``segment1/`` before their names.
+    """Open a measurement; the channels of further tables have ``segment1/`` before their names.
 
     Raises
     ------
@@ -24,38 +31,56 @@ def lvm(file: Path) -> Tables:
     with faults(file, "LVM"):
         found = module.read(str(file), read_from_pickle=False, dump_file=False)
         segments = [found[k] for k in range(int(found["Segments"]))]
-        tables = [_table(file, k, segment) for k, segment in enumerate(segments) if len(segment["data"])]
+        joined: dict[tuple[tuple[str, str], ...], list[_Part]] = {}
+        for part in (part for s in segments if len(s["data"]) for part in _parts(s)):
+            joined.setdefault(tuple(part[1]), []).append(part)
+        tables = [_table(file, k, parts) for k, parts in enumerate(joined.values())]
     if not tables:
         raise InputError(f"{file}: an LVM file without numbers")
     return Tables(file, tables)
 
 
-def _table(file: Path, number: int, segment: Any) -> Table:
+def _parts(segment: Mapping[str, Any]) -> list[_Part]:
+    """Return the channels of a segment with their times, those with equal times together."""
     data = np.atleast_2d(np.asarray(segment["data"], dtype=float))
-    count = int(segment["Channels"])
-    names = [str(name) for name in segment["Channel names"]]
+    names = [str(name) for name in segment["Channel names"]][: data.shape[1]]
+    if "X_Value" not in names:  # X_Columns No
+        names = ["X_Value", *names][: data.shape[1]] if data.shape[1] > int(segment["Channels"]) else names
+    labels = [str(text) for text in np.ravel(segment.get("Y_Unit_Label", []))]
+    parts: list[_Part] = []
+    stated = None
+    for k, name in enumerate(names):
+        if name == "X_Value":
+            stated = data[:, k] if np.isfinite(data[:, k]).any() else None
+            continue
+        if name == "Comment":
+            continue
+        at = k - 1 if names[0] == "X_Value" else k
+        if stated is None:
+            step, start = (np.ravel(segment[key]) for key in ("Delta_X", "X0"))
+            times = start[min(at, start.size - 1)] + step[min(at, step.size - 1)] * np.arange(len(data))
+        else:
+            times = stated
+        unit = unit_or_none(labels[at]) if at < len(labels) else ""
+        part = next((p for p in parts if np.array_equal(p[0], times)), None)
+        if part is None:
+            parts.append(part := (times, {}))
+        part[1][name or f"channel{k}", unit] = data[:, k]
+    return parts
+
+
+def _table(file: Path, number: int, parts: Sequence[_Part]) -> Table:
     prefix = f"segment{number}/" if number else ""
-    several = data.shape[1] >= 2 * count and str(segment.get("X_Columns", "")).strip() == "Multi"
-    has_time = data.shape[1] > count
-    columns: dict[str, Any] = {}
-    if has_time:
-        columns["time"] = data[:, 0]
-    else:
-        step, start = (float(np.ravel(segment[key])[0]) for key in ("Delta_X", "X0"))
-        columns["time"] = start + step * np.arange(len(data))
-    for k in range(count):
-        name = names[k + has_time] if len(names) > count and names[0] == "X_Value" else names[k]
-        columns[name or f"channel{k}"] = data[:, 2 * k + 1] if several else data[:, k + has_time]
-    columns = {f"{prefix}{name}": values for name, values in columns.items()}
-    stated = np.ravel(segment.get("Y_Unit_Label", [])).tolist()
-    units = {
-        name: unit
-        for name, text in zip(list(columns)[1:], stated, strict=False)
-        if (unit := unit_or_none(str(text)))
-    }
     clock = f"{prefix}time"
+    columns = {clock: np.concatenate([times for times, _ in parts])}
+    columns |= {
+        f"{prefix}{name}": np.concatenate([own[name, unit] for _, own in parts]) for name, unit in parts[0][1]
+    }
+    units = {f"{prefix}{name}": unit for name, unit in parts[0][1] if unit}
 
     def load(names: Sequence[str]) -> dict[str, Any]:
         return {name: columns[name] for name in names}
 
-    return Table(file, f"segment {number}", list(columns), len(data), load, clock, units | {clock: "s"})
+    return Table(
+        file, f"segment {number}", list(columns), len(columns[clock]), load, clock, units | {clock: "s"}
+    )

@@ -38,6 +38,8 @@ def motive(file: Path) -> CsvSource:
     at = next((k for k, row in enumerate(rows) if row and row[0].strip().lower() == "frame"), 0)
     heads = [row for row in rows[1:at] if any(cell.strip() for cell in row)]
     labels = {row[1].strip().lower(): row for row in heads if len(row) > 1 and row[1].strip()}
+    if not labels and len(heads) > 2:  # rows without their titles: types, names, IDs ...
+        labels = {"name": heads[1]}
     if not at or "name" not in labels or len(heads) < 2:
         raise InputError(
             f"{file}: a Motive export: expected rows of names above a row that begins with Frame"

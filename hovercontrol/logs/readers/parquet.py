@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 
@@ -11,16 +12,29 @@ import pyarrow.parquet
 from hovercontrol.base.errors import InputError
 from hovercontrol.base.files import reason
 from hovercontrol.logs.readers.arrow import DAMAGED, as_number, is_number
+from hovercontrol.logs.readers.tables import unit_or_none
 
 BATCH = 2**16
 """Rows read at a time."""
 
 
+def _units(schema: pa.Schema) -> dict[str, str]:
+    """Return the units that the metadata state: of a field, or in the ``attrs`` of a pandas DataFrame."""
+    stated = {f.name: (f.metadata or {}).get(key, b"").decode("utf-8", "replace")
+              for f in schema for key in (b"unit", b"units") if key in (f.metadata or {})}  # fmt: skip
+    try:
+        attrs = json.loads((schema.metadata or {}).get(b"PANDAS_ATTRS", b"{}"))
+    except ValueError:
+        attrs = {}
+    for key in ("unit", "units"):
+        found = attrs.get(key) if isinstance(attrs, dict) else None
+        stated |= {str(name): str(text) for name, text in found.items()} if isinstance(found, dict) else {}
+    return {name: unit for name, text in stated.items() if (unit := unit_or_none(text))}
+
+
 class ParquetSource:
     """A Parquet file."""
 
-    units: Mapping[str, str] = {}
-    said = ""
     angles, euler = "rad", ""
 
     def __init__(self, file: Path) -> None:
@@ -30,6 +44,8 @@ class ParquetSource:
             self.header: list[str] = self._parquet.schema_arrow.names
         except DAMAGED as error:
             raise InputError(f"{file}: not readable as Parquet: {reason(error)}") from None
+        self.units: Mapping[str, str] = _units(self._parquet.schema_arrow)
+        self.said = "units of the file's metadata" if self.units else ""
 
     def kind(self, name: str) -> pa.DataType:
         """Return the type of a column in the file."""

@@ -12,6 +12,11 @@ from hovercontrol.base.errors import InputError
 from hovercontrol.logs.readers.matlab import CLOCKS
 from hovercontrol.logs.readers.tables import Table, Tables, faults, library, unit_or_none
 
+_START = "wf_start_time"
+
+#: Properties of a waveform's clock.
+_CLOCK = ("wf_increment", "wf_start_offset", _START)
+
 
 def tdms(file: Path) -> Tables:
     """Open a measurement; channels keep their names, or ``group/name`` if two groups have the same name.
@@ -26,17 +31,26 @@ def tdms(file: Path) -> Tables:
     with faults(file, "TDMS"):
         measured = module.TdmsFile.read(str(file))
         names = [channel.name for group in measured.groups() for channel in group.channels()]
+        every = [channel for group in measured.groups() for channel in group.channels() if len(channel)]
+        dated = all(_is_waveform(c) == isinstance(c.properties.get(_START), np.datetime64) for c in every)
         for group in measured.groups():
             for rows in sorted({len(channel) for channel in group.channels()} - {0}):
                 own = [c for c in group.channels() if len(c) == rows and c.dtype.kind in "biufM"]
                 if own:
-                    tables.append(_table(file, group.name, own, names, several=bool(tables)))
+                    tables.append(_table(file, group.name, own, names, several=bool(tables), dated=dated))
     if not tables:
         raise InputError(f"{file}: a TDMS file without channels of numbers")
     return Tables(file, tables)
 
 
-def _table(file: Path, group: str, channels: Sequence[Any], names: list[str], *, several: bool) -> Table:
+def _is_waveform(channel: Any) -> bool:
+    return bool(channel.properties.get("wf_increment"))
+
+
+def _table(
+    file: Path, group: str, channels: Sequence[Any], names: list[str], *, several: bool, dated: bool
+) -> Table:
+    """Return a table; with `dated` times of waveforms are absolute, since all of them state their start."""
     called = {f"{group}/{c.name}" if names.count(c.name) > 1 else c.name: c for c in channels}
     units = {
         name: unit
@@ -49,15 +63,18 @@ def _table(file: Path, group: str, channels: Sequence[Any], names: list[str], *,
     }
     units |= {name: "ns" for name, c in called.items() if c.dtype.kind == "M"}
     clock = next((n for n, c in called.items() if c.name.lower() in CLOCKS or c.dtype.kind == "M"), "")
-    steps = {c.properties.get("wf_increment") for c in channels}
+    steps = {tuple(c.properties.get(name) for name in _CLOCK) for c in channels}
     known: dict[str, Any] = {}
     said = ""
-    if not clock and len(steps) == 1 and (step := steps.pop()):
+    if not clock and len(steps) == 1 and _is_waveform(channels[0]):
+        step, offset, start = steps.pop()
         clock = f"{group}/time" if several else "time"
-        known[clock] = float(channels[0].properties.get("wf_start_offset", 0.0)) + step * np.arange(
-            len(channels[0])
-        )
-        units[clock], said = "s", f"times by the increment of the waveform, {step:g} s"
+        times = float(offset or 0.0) + step * np.arange(len(channels[0]))
+        known[clock], units[clock] = times, "s"
+        if dated:
+            begin = np.datetime64(start, "ns").astype(np.int64)
+            known[clock], units[clock] = begin + np.rint(times * 1e9).astype(np.int64), "ns"
+        said = f"times by the increment of the waveform, {step:g} s"
 
     def load(names: Sequence[str]) -> dict[str, Any]:
         return {n: known[n] if n in known else _numbers(called[n][:]) for n in names}
