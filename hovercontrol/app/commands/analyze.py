@@ -61,7 +61,7 @@ def analyze(
     list_: Annotated[bool, typer.Option("--list", help="List analyses and items and exit.")] = False,
     json: options.Json = False,
 ) -> int:
-    """Run analyses; rebuild tables and figures of C17 and K06 and compare them with what is printed.
+    """Run analyses; rebuild tables and figures of C17 and K06 and compare them with the printed values.
 
     An analysis writes a figure (PNG, SVG), a table (CSV) and its findings as text. Items have an index
     (index.html, index.json). Exit status 1 if an item differs from the printed value.

@@ -28,7 +28,8 @@ def benchmark(
         str,
         typer.Option(
             "--case",
-            help="Write the logs and the model of one case, its answer apart; with --tool score it alone.",
+            help="Write the logs and the model of one case, and its answer in another folder; "
+            "with --tool score it alone.",
         ),
     ] = "",
     edition: Annotated[
@@ -57,7 +58,7 @@ def benchmark(
     ] = os.cpu_count() or 1,
     json: options.Json = False,
 ) -> int:
-    """Score tools on logs of machines whose models lack something, or nothing.
+    """Score tools on logs of machines whose models are complete or lack one or more effects.
 
     Each tool gets the model, a training log and a held-out log. Its answer is scored by fixed rules:
     detection, name or form, equation, coefficient, false names, held-out error 0.2 and 1 s ahead.

@@ -54,11 +54,11 @@ def cockpit(
 
     K06's laws (stop, forward, reverse, turn, heading, goal) need a craft whose thrust is in newton.
 
-    The real loop runs through K06's ground station: radio link, navigation, actuators. The page switches.
+    The real loop runs through K06's ground station: radio link, navigation, actuators.
 
     Wind, slopes and friction can be switched on. Recordings are logs for identify and diagnose.
 
-    Commands go to zero when the page is gone or silent for 0.4 s. Ctrl-C ends the server.
+    Commands go to zero when the page is closed or silent for 0.4 s. Ctrl-C ends the server.
     """
     try:
         from hovercontrol.app.cockpit.guard import is_loopback

@@ -50,13 +50,13 @@ def experiment(
     trial: options.TrialColumn = "",
     json: options.Json = False,
 ) -> int:
-    """Propose the experiment that settles a diagnosis, and say how sure the answer will be.
+    """Propose the experiment that settles a diagnosis, with the probability that it does.
 
     Diagnoses the logs as diagnose does. Where they do not tell effects apart, or forms of an unknown
     function, next_experiment.csv holds the commands of the shortest manoeuvre in which these differ enough.
 
-    Run it, and give its log to the same command with the same --out: the logs of earlier calls are used too.
-    So it goes on until the diagnosis is settled, or no experiment is worth it.
+    Run the experiment and give its log to the same command with the same --out; earlier logs are used too.
+    Repeat until no further experiment is proposed.
 
     Writes result.json, the amended model and experiment.json, the memory of the logs.
 

@@ -36,7 +36,7 @@ def fleet(
         typer.Option(
             "--by",
             metavar="folder|COLUMN|REGEX",
-            help="What tells the craft of a log: the name of its folder, a column, or a regular expression "
+            help="Where the name of a log's craft is: its folder, a column, or a regular expression "
             r"with a group that matches its address: 'boat(\d+)'; '([^/]+)[.]' takes each file as a craft.",
             autocompletion=names.of("folder"),
         ),
@@ -71,17 +71,17 @@ def fleet(
     trial: options.TrialColumn = "",
     json: options.Json = False,
 ) -> int:
-    """Check and identify the logs of many craft; say which craft, which day and which equation is off.
+    """Check and identify the logs of many craft; report which craft, days and equations differ.
 
-    An effect that most craft lack is a fault of the model; one that a single craft lacks is its own. Values
-    of craft are compared with each other and over time. The date of a log is taken from its name
-    (2026-11-28), else from its clock.
+    An effect that most logs of most craft show is added to the model; one that a single craft shows is
+    reported for that craft. Coefficients are compared between craft and over time. The date of a log is
+    taken from its name (2026-11-28), else from its clock.
 
     Writes report.html, fleet.parquet (a row for each log and coefficient; of a log that cannot be used, the
     reason), craft.parquet, fleet.json and the amended model. Each result is kept in OUT/done: the same
-    command goes on where it was stopped, and after new logs computes only these.
+    command continues a stopped run, and computes only new logs.
 
-    Exit status 1 if anything is to be looked at, or a log cannot be used.
+    Exit status 1 if there is a finding, or a log cannot be used.
     """
     if on and workers is not None:
         raise InputError("fleet: --on and --workers exclude each other")

@@ -55,10 +55,10 @@ def identify(
     prediction.csv and rejected.csv, and for each log a figure of the free-running simulation with the
     measurement.
 
-    Exit status 1 if a coefficient is not excited by the logs or not to be trusted (beside a missing effect
-    or over longer times it differs by more than its error), the model does not explain the logs, or a body
-    velocity of a held-out log (any channel of a Block of your own) is predicted worse 1 s ahead than by
-    assuming that it stays constant.
+    Exit status 1 if a coefficient is not excited by the logs or not to be trusted (with a missing effect
+    or over longer times its estimate differs by more than its error), the model does not explain the logs,
+    or a body velocity of a held-out log (any channel of a Block of your own) is predicted worse 1 s ahead
+    than by assuming that it stays constant.
     """
     from hovercontrol.documents.samples import sample_path
     from hovercontrol.identification.identify.study import Study

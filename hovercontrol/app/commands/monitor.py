@@ -58,7 +58,7 @@ def monitor(
     hold: Annotated[
         float | None,
         typer.Option(
-            help="Seconds after an alarm in which evidence is collected (default: 5; of a machine that is "
+            help="Seconds after an alarm in which evidence is collected (default: 5; for a machine that is "
             "not a craft 50 to 1000 periods)."
         ),
     ] = None,
@@ -82,10 +82,10 @@ def monitor(
     trial: options.TrialColumn = "",
     json: options.Json = False,
 ) -> int:
-    """Say what has changed in a craft along a log: name, size, since when, and what else it may be.
+    """Detect what changes in a craft along a log: name, size, onset and alternatives.
 
-    A filter of the model follows the log; tests on its innovations look for each candidate. The threshold is
-    computed from the wanted rate of false alarms. Lost samples are no alarm; a dead sensor is named.
+    A Kalman filter runs along the log, and its innovations are tested for each candidate. The threshold
+    follows from the rate of false alarms. Lost samples raise no alarm; a dead sensor is reported.
 
     With --out it writes result.json, timeline.csv, timeline.png and timeline.svg.
 

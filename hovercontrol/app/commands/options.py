@@ -28,7 +28,7 @@ Out = Annotated[
     typer.Option(
         "--out",
         "-o",
-        help="Folder for the results, created if missing (default: out/ and what is run).",
+        help="Folder for the results, created if missing (default: out/NAME of what is run).",
     ),
 ]
 #: What a log may be, in the help of a command's argument LOG.

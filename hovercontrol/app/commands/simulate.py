@@ -66,9 +66,9 @@ def simulate(
 ) -> int:
     """Run a scenario; write its log, a table of its figures of merit, and pictures.
 
-    A model file, and a Block of your own, is driven from rest by steps of its commands, or by those of a log.
-    So is an FMU (--model plant.fmu), from its start values; where the log has outputs of the FMU, measured
-    minus computed is printed and written beside.
+    A model file or a Block of your own starts from rest, an FMU (--model plant.fmu) from its start values.
+    Steps of the commands drive it, or the commands of a log. If the log has outputs of an FMU, the
+    difference between measurement and simulation is printed and written.
 
     Exit status 1 if a figure of merit is outside the range that the scenario states.
     """

@@ -74,9 +74,9 @@ def sweep(
 ) -> int:
     """Run a scenario at every point of a range or a grid; write a table and a picture.
 
-    A model file, and a model of your own, is driven from rest by steps of its commands, or by those of a log.
-    So is an FMU (--model plant.fmu): --vary takes its parameters and, of Model Exchange, its states at the
-    start.
+    A model file or a model of your own starts from rest, an FMU (--model plant.fmu) from its start values.
+    Steps of the commands drive it, or the commands of a log. --vary takes parameters of an FMU and, for
+    Model Exchange, its initial states.
 
     Results are kept in OUT.partial as they are computed: --resume continues a stopped sweep.
 

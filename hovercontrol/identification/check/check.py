@@ -113,7 +113,7 @@ class Checked:
         elif self.model and not self.errors:
             lines += [f"{self.model} has no coefficient to fit"]
         if not (self.errors or self.warnings):
-            lines += ["", "no error found"]
+            lines += ["", "no error found in the logs"]
         return "\n".join(lines).strip("\n").replace("\n\n\n", "\n\n")
 
     def to_json(self) -> dict[str, Any]:

@@ -69,7 +69,7 @@ def _left(fleet: Fleet) -> Iterator[str]:
     every = left(fleet.results.values()).items()
     parts = [f"{rms:.2g} of {seen:.2g} {unit} in {equation}" for equation, (rms, seen, unit) in every]
     if parts:
-        yield f"of the accelerations seen there remain {', '.join(parts)}"
+        yield f"unexplained acceleration: {', '.join(parts)}"
 
 
 def _faults(fleet: Fleet) -> Iterator[str]:
@@ -89,10 +89,9 @@ def _off(fleet: Fleet) -> Iterator[str]:
         for craft in c.off:
             if craft not in c.trends:
                 i = c.craft.index(craft)
-                yield (
-                    f"{craft} does not belong: {c.name} {_pm(c.of.own[i], c.of.own_std[i], c.unit)}; the "
-                    f"others {c.of.mean:.3g}, which differ by {c.of.between:.2g}"
-                )
+                own = _pm(c.of.own[i], c.of.own_std[i], c.unit)
+                others = f"the others {c.of.mean:.3g}, scatter {c.of.between:.2g}"
+                yield f"{craft} differs from the others: {c.name} {own}; {others}"
 
 
 def _changes(fleet: Fleet) -> Iterator[str]:
@@ -172,20 +171,20 @@ def _clocks(fleet: Fleet) -> Iterator[str]:
     used = [r for r in fleet.results.values() if "refused" not in r]
     kinds = Counter(r["clock"] for r in used)
     if kinds[""] == len(used):
-        yield "no log tells its date, by its name or its clock: changes are sought in the order of names"
+        yield "no log has a date in its name or its clock: changes over time follow the order of names"
     elif kinds[""]:
-        yield f"{kinds['']} logs tell no date, by their names or clocks: left out where changes are sought"
+        yield f"{kinds['']} logs have no date in their names or clocks: left out of changes over time"
     if kinds["name"] and kinds["clock"]:
         yield f"dates are of two kinds: of {kinds['name']} logs by name, of {kinds['clock']} by clock"
     lost = sorted({r["craft"] for r in fleet.results.values() if r.get("craft")} - set(fleet.craft))
     if lost:
-        yield f"no log can be used of {len(lost)} craft: {', '.join(lost[:SHOWN])}"
+        yield f"{len(lost)} craft without a usable log: {', '.join(lost[:SHOWN])}"
     if len(fleet.craft) == 1 and len(used) > 1:
         yield f"all logs count as one craft, {fleet.craft[0]}; --by '([^/]+)[.]' takes each file as a craft"
     short = [n for n, k in Counter(r["craft"] for r in used).items() if k < LEAST]
     if short and len(used) > len(fleet.craft):
         some = ", ".join(sorted(short)[:SHOWN])
-        yield f"{len(short)} craft have fewer than {LEAST} logs: no change over time is sought ({some})"
+        yield f"{len(short)} craft with fewer than {LEAST} logs, too few for a change over time: {some}"
 
 
 # ---- the page ---------------------------------------------------------------------------------------------
@@ -228,7 +227,7 @@ def _list(texts: Sequence[str]) -> str:
 def _legend() -> str:
     return (
         "<p class=small>Value ± standard error, shrunk towards the mean of all; blue below it, orange above, "
-        "full colour at four standard deviations. Framed: does not belong, or changes (false discovery rate "
+        "full colour at four standard deviations. Framed: differs or changes (false discovery rate "
         f"{percent(LEVEL)}). A link opens the report of the diagnosis.</p>"
     )
 

@@ -271,7 +271,7 @@ class Identified:
             return ""
         over = f"{poor[0].over:.2g} s"
         sizes = ", ".join(f"{r.rms:.2g} of {r.seen:.2g} {r.unit} in {r.equation}" for r in poor)
-        remains = f"of the accelerations seen (means over {over}) there remain {sizes}"
+        remains = f"unexplained acceleration (means over {over}): {sizes}"
         blind = [r for r in poor if r.share > MISFIT.nothing and self._ahead(r) > MISFIT.better]
         if len(blind) == len(self.remaining):
             said = f"this model does not predict the motion: {remains}"

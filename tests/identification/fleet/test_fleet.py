@@ -44,7 +44,7 @@ def test_the_cart_that_is_not_as_the_others_is_named_and_no_other(found):
     assert dict(zip(k.craft, k.of.value, strict=True)) == pytest.approx(
         {f"cart{i}": 0.8 + 0.01 * i for i in range(5)} | {"cart5": 1.6}, rel=0.03
     )
-    assert "cart5 does not belong: k 1.5" in found.text()
+    assert "cart5 differs from the others: k 1.5" in found.text()
 
 
 def test_a_log_that_cannot_be_used_is_a_row_with_its_reason(found, tmp_path):
