@@ -172,13 +172,13 @@ def with_force(family: Family) -> Family:
     return replace(family, inputs={**family.inputs, "force": ""}, slopes=slopes)
 
 
-def expected(family: Family, hidden: str) -> str:
-    """Return the name of a hidden effect."""
+def expected(family: Family, hidden: str) -> list[str]:
+    """Return the names of a hidden effect; those of commands act on each input."""
     if hidden in ("coulomb", "quadratic_drag"):
-        return f"{force_state(family)}_{hidden}"
+        return [f"{force_state(family)}_{hidden}"]
     if hidden == "bias":
-        return f"{family.measured[0]}_bias"
-    return "input_delay" if hidden == "delay" else f"{next(iter(family.inputs))}_{hidden}"
+        return [f"{family.measured[0]}_bias"]
+    return ["input_delay"] if hidden == "delay" else [f"{u}_{hidden}" for u in family.inputs]
 
 
 def run(family: Family, seed: int, *, diagnosed: bool, hidden: str = "", against: bool = False) -> Case:
@@ -205,7 +205,7 @@ def run(family: Family, seed: int, *, diagnosed: bool, hidden: str = "", against
             names = sorted(e.effect for e in result.effects)
             rivals = sorted(r.name for r in result.rivals)
             case.verdict = f"{result.verdict} {' + '.join(names)}" + (f" or {rivals}" if rivals else "")
-            wanted = [expected(family, hidden)] if hidden else []
+            wanted = sorted(expected(family, hidden)) if hidden else []
             case.right = names == wanted or (bool(wanted) and set(wanted) <= {*names, *rivals})
             case.right &= bool(wanted or family.pushed or result.verdict == "none")
             if wanted and not case.right:
@@ -218,7 +218,7 @@ def run(family: Family, seed: int, *, diagnosed: bool, hidden: str = "", against
 def cases(
     families: Sequence[Family], seeds: Sequence[int], *, diagnosed: bool, hidden: bool, against: bool
 ) -> Iterator[Case]:
-    """Run all machines; print those that are wrong, and those that fail."""
+    """Run all machines; print those that are wrong or have a false name, and those that fail."""
     for seed in seeds:
         for k, family in enumerate(families):
             effect = HIDDEN[(seed + k) % len(HIDDEN)] if hidden else ""
@@ -231,8 +231,8 @@ def cases(
                 print(f"    {family.name} {seed} {effect}: {error}", flush=True)
                 continue
             far = max(map(abs, case.errors.values()), default=0.0)
-            if far > 3.0 or not case.right or max(map(abs, case.apart.values()), default=0.0) > 0.1:
-                wanted = f" hidden {expected(family, effect)};" if effect else ""
+            if far > 3.0 or not case.right or case.false or max(map(abs, case.apart.values()), default=0.0) > 0.1:
+                wanted = f" hidden {' + '.join(expected(family, effect))};" if effect else ""
                 apart = {n: round(v, 2) for n, v in case.apart.items()}
                 said = f"{case.verdict} {case.text} {apart or ''}"
                 said += f"; the truth gains {case.shown:.0f}" if np.isfinite(case.shown) else ""

@@ -52,8 +52,9 @@ class Criteria:
         A rival is also kept if it trails by fewer than this many standard errors of the difference over
         blocks (Vuong, Econometrica 57 (1989)). At two, 2.5 % of the true ones trail by more.
     chance : float
-        A law that contains the named one as a limit is a rival only if its extra parameters are significant
-        at this level (chi-squared test of the likelihood ratio: Wilks, Ann. Math. Stat. 9 (1938)).
+        An effect that contains another as a limit is named in its place, or is its rival, only if its extra
+        parameters are significant at this level, divided by the number of candidates (chi-squared test of the
+        likelihood ratio: Wilks, Ann. Math. Stat. 9 (1938)).
     remains : float
         An equation has a remainder if process noise in it reduces twice the negative log likelihood by more
         than this. The noise has two parameters, its size and its correlation time.

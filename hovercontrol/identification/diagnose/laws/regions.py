@@ -103,7 +103,8 @@ def acting_side(given: Subject, amended: Subject, e: Effect) -> list[Range]:
         for s in (*block.states, *block.inputs):
             k, a = mine.coeff(sp.Abs(s.symbol)), s.symbol
             drags = [term / a for term in terms if (term / a).free_symbols <= set(known)]
-            if not k or mine != (k * sp.Abs(a)).expand() or not drags:
+            alone = k.free_symbols <= set(values) and mine == (k * sp.Abs(a)).expand()
+            if not k or not alone or not drags:
                 continue
             drag = sp.Add(*drags)
             moved = float(drag.xreplace(values)) - float(drag.xreplace(known))

@@ -77,7 +77,12 @@ def challenged(search: Search, selection: Selection) -> Selection:
         now = confirmed(search, base, final, effects, counts)
         effects, final, dropped = list(now.own), now.final, [*dropped, *now.dropped]
         rivals, others = _rivals(search, selection, now)
-        cheaper = [(n, t) for n, t in others if _cost(search, t.fit) < _cost(search, now.own[n].fit)]
+        chance = _chance(search, selection)
+        cheaper = [
+            (n, t)
+            for n, t in others
+            if _cost(search, t.fit) < _cost(search, now.own[n].fit) or _only_imitates(now.own[n], t, chance)
+        ]
         if cheaper and swaps < ROUNDS:
             name, t = cheaper[0]
             effects[effects.index(name)], final = t.name, t.fit
@@ -121,7 +126,7 @@ def _rivals(
     search: Search, selection: Selection, now: Confirmed
 ) -> tuple[list[Rival], list[tuple[str, Tried]]]:
     """Return the rivals of each named effect, and all effects that pass the tests in its place."""
-    criteria = search.criteria
+    criteria, chance = search.criteria, _chance(search, selection)
     rivals: list[Rival] = []
     alternatives: list[tuple[str, Tried]] = []
     for name, mine in now.own.items():
@@ -138,7 +143,7 @@ def _rivals(
             ):
                 continue
             t = t if level else alike(search, t, mine)
-            if _only_imitates(t, mine, criteria.chance) or is_redundant(t, mine, criteria):
+            if _only_imitates(t, mine, chance) or is_redundant(t, mine, criteria):
                 continue
             behind, score = _cost(search, t.fit) - _cost(search, mine.fit), surely(t.fit, mine.fit)
             near = behind < criteria.apart or score < criteria.apart_t
@@ -192,6 +197,11 @@ def alike(search: Search, t: Tried, other: Tried) -> Tried:
     if _cost(search, t.fit) < _cost(search, other.fit) + TRIALS.near:
         t = with_times(search, t)
     return t
+
+
+def _chance(search: Search, selection: Selection) -> float:
+    """Return the level of the test of extra parameters: any of the candidates could be the larger effect."""
+    return search.criteria.chance / max(selection.candidates, 1)
 
 
 def _only_imitates(t: Tried, simpler: Tried, chance: float) -> bool:
