@@ -230,8 +230,9 @@ def cases(
             except (hc.InputError, FloatingPointError, np.linalg.LinAlgError) as error:
                 print(f"    {family.name} {seed} {effect}: {error}", flush=True)
                 continue
-            far = max(map(abs, case.errors.values()), default=0.0)
-            if far > 3.0 or not case.right or case.false or max(map(abs, case.apart.values()), default=0.0) > 0.1:
+            far = max(map(abs, case.errors.values()), default=0.0) > 3.0
+            far |= max(map(abs, case.apart.values()), default=0.0) > 0.1
+            if far or not case.right or case.false:
                 wanted = f" hidden {' + '.join(expected(family, effect))};" if effect else ""
                 apart = {n: round(v, 2) for n, v in case.apart.items()}
                 said = f"{case.verdict} {case.text} {apart or ''}"

@@ -11,7 +11,7 @@ from hovercontrol.craft.models.interface import as_model
 from hovercontrol.identification.diagnose.criteria import CRITERIA
 from hovercontrol.identification.diagnose.laws.local import _fitted, function_names, own_signals
 from hovercontrol.identification.diagnose.laws.nearest import nearest
-from hovercontrol.identification.diagnose.laws.regions import region_of
+from hovercontrol.identification.diagnose.laws.regions import acting_side, region_of
 from hovercontrol.identification.diagnose.laws.scan import Local, Scan
 from hovercontrol.identification.diagnose.search.base import base_fit
 from hovercontrol.identification.diagnose.search.fit import Search
@@ -112,3 +112,13 @@ def test_a_fit_with_other_times_that_runs_away_leaves_the_fit_as_it_is(fit, monk
     monkeypatch.setattr("hovercontrol.identification.diagnose.search.fit.refit", runs_away)
     search = Search(model(), None, None, lambda what: None)
     assert search.fit(fit, fit.model, times=True) is fit
+
+
+def test_a_law_of_two_signals_acts_on_no_side():
+    """Of abs(v) r, the factor of abs(v) is no number."""
+    sway, turn = hc.Signal("v", "m/s"), hc.Signal("r", "rad/s")
+    a, b = hc.Signal("a", "1/s", start=0.3), hc.Signal("b", "1/m/s", start=0.1)
+    rates = {"v": -a.symbol * sway.symbol, "r": -a.symbol * turn.symbol - b.symbol * sway.symbol}
+    ship = as_model(hc.Block("ship", [sway, turn], [], [sway, turn], [a, b], rates))
+    law = ship.effect_class("law_r__abs_v__r")(-0.6)
+    assert acting_side(ship, ship.with_effects([law]), law) == []
