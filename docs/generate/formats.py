@@ -59,6 +59,7 @@ CONVENTIONS = [
     ("Motive (OptiTrack) CSV, Euler angles", "y up unless exported otherwise", "about the body's axes in the order of `Rotation Type`", "none",
      "x=Craft.x,y=Craft.z:-,psi=Craft.rx,Craft.ry,Craft.rz:y-up", "", "Motive 3, Data Export: CSV; NatNet SDK"),
     ("Vicon CSV", "z up", "rotation vector RX, RY, RZ", "none", "x=Craft.x,y=Craft.y,psi=Craft.rx,Craft.ry,Craft.rz", "", "Nexus 2, ASCII files"),
+    ("Qualisys TSV", "z up, mm", "yaw, deg, by the project's definition of Euler angles", "none", "x=boat.x,y=boat.y,psi=boat.yaw", "", "QTM 2024, TSV export"),
     ("OpenSim `.mot`, `.sto`", "m", "deg where `inDegrees=yes`", "angles per second likewise", "x=x,y=y,psi=psi,r=r", "", "OpenSim 4, motion files"),
     ("C3D, TRC", "axes of the laboratory: `check` takes the one that moves least as vertical", "none", "none", "x=bow.x,y=bow.z:-", "", "c3d.org"),
 ]  # fmt: skip
@@ -77,7 +78,9 @@ _OTHER_LOGS = (
     "MDF, HDF5, MATLAB 7.3 and C3D are read in a process of their own, since some damaged files crash or stall their libraries. An MCAP file that lost its end is read up to the break.",
     "In CSV these are recognised, and said in one line: commas, semicolons, tabs, bars or blanks between values; decimal commas; UTF-16; "
     "comment lines (`#`, `%`, `//`); lines above the header; units in its names (`x [mm]`, `T [degC]`) or in a line below it, which are converted to SI. Copies of the row before, and a last "
-    "line without its end, are left out. `True` and `False` are 1 and 0; durations are seconds (`0.5 sec`, `1 days 00:00:01`).",
+    "line without its end, are left out. Dates are those of ISO 8601, or day first with dots (31.12.2026). `True` and `False` are 1 and 0; durations are seconds (`0.5 sec`, `1 days 00:00:01`).",
+    "Parquet states units in the metadata of its columns, or pandas in `attrs`: `frame.attrs = {\"units\": {\"x\": \"mm\"}}`. HDF5 is read by the conventions of netCDF (CF): "
+    "`units`, `scale_factor`, `add_offset`, `_FillValue`, times since a date. Waveforms of TDMS begin at their `wf_start_time` if all state one.",
     "## Missing values",
     "Missing are blank and NaN cells, samples whose invalidation bit is set (MDF), points that were not seen (motion capture), the largest number of a measured field of "
     "MAVLink, and CAN values whose label says so (`SNA`, `Error`). Other labels are numbers: of `0 = Off` with a scale of 0.1 N the value is 0 N. A note of the log names each label that occurs.",
@@ -108,7 +111,7 @@ _OTHER_LOGS = (
             ("`time=stamp:ms`", "a number in another unit"),
             (
                 "`time=sec+nanosec`",
-                "a sum of integers; units by names (`sec`, `nsec`, `usec`), or `time=a:s+b:ns`",
+                "a sum of integers; units by names (`sec`, `nsec`, `usec`, `week`), or `time=a:s+b:ns`; `time=gps_week+sow`",
             ),
             ("`psi=qx,qy,qz,qw`", "the heading of a quaternion, scalar last; also `quat(qx;qy;qz;qw)`"),
             (

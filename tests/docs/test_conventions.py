@@ -197,6 +197,16 @@ def vicon(folder):
     return folder / "a.csv"
 
 
+def qualisys(folder):
+    head = "NO_OF_FRAMES\t9\nFREQUENCY\t1\nDATA_INCLUDED\t6D\nBODY_NAMES\tboat\n"
+    head += "Frame\tTime\tboat X\tY\tZ\tRoll\tPitch\tYaw\tResidual" + "".join(f"\tRot[{k}]" for k in range(9))
+    turns = Rotation.from_rotvec(np.outer(PSI, [0.0, 0.0, 1.0])).as_matrix().transpose(0, 2, 1).reshape(9, 9)
+    flat, yaw = 0.0 * TIME, np.degrees(PSI)
+    own = (1000 * EAST, 1000 * NORTH, flat + 50.0, flat, flat, yaw, flat + 0.2)
+    (folder / "a.tsv").write_text(head + "\n" + rows(np.arange(1, 10), TIME, *own, turns) + "\n")
+    return folder / "a.tsv"
+
+
 def opensim(folder):
     head = "run\nversion=1\ninDegrees=yes\nendheader\ntime\tx\ty\tpsi\tr\n"
     (folder / "a.mot").write_text(head + rows(TIME, EAST, NORTH, np.degrees(PSI), np.degrees(W) + 0 * PSI))
@@ -227,6 +237,7 @@ WRITE = {
     "Motive (OptiTrack) CSV": lambda p: motive(p, "Quaternion"),
     "Motive (OptiTrack) CSV, Euler angles": lambda p: motive(p, "YXZ"),
     "Vicon CSV": vicon,
+    "Qualisys TSV": qualisys,
     "OpenSim `.mot`, `.sto`": opensim,
     "C3D, TRC": trc,
 }

@@ -26,6 +26,7 @@ from hovercontrol.logs.readers.tables import Tables
 from hovercontrol.logs.source import open_log
 from tests.logs.readers import test_matlab, written, written_ros
 from tests.logs.readers import test_more_formats as more
+from tests.logs.readers import test_other_writers as other
 
 #: What writes each file, and its name.
 FILES: dict[str, tuple[Callable[[Path], object], str]] = {
@@ -59,6 +60,8 @@ FILES: dict[str, tuple[Callable[[Path], object], str]] = {
     "FIT": (more.test_fit, "plain"),
     "C3D": (more.test_c3d, "a.c3d"),
     "TRC": (more.test_trc, "a.trc"),
+    "Qualisys 6D": (other.test_qualisys_exports_are_in_mm_and_degrees, "6d.tsv"),
+    "Qualisys 3D": (other.test_qualisys_exports_are_in_mm_and_degrees, "3d.tsv"),
     "Motive": (lambda p: written.motive(p / "a.csv"), "a.csv"),
     "Vicon": (lambda p: written.vicon(p / "a.csv"), "a.csv"),
 }  # fmt: skip
