@@ -4,8 +4,9 @@
 "Optimal Data Gathering for Missing Physics" (and of arXiv 2604.01231), written anew from its equations; the
 growth mu(C_s) is unknown, two experiments of 15 h, 1 % noise on all three states, a row every three minutes.
 
-``python -m benchmarks.unknown_functions forms [--cases 100]``: carts with a drag of one of eight forms, drawn
-at random; the probability of the likeliest form against the share that is right.
+``python -m benchmarks.unknown_functions forms [--cases 100] [--every] [--seed 1000]``: carts with a drag of
+one of eight forms, drawn at random (``--every``: one of all forms); the probability of the likeliest form
+against the share that is right.
 
 ``python -m benchmarks.unknown_functions experiment [--cases 10]``: carts pushed so gently that the form of
 their drag stays open; the proposed experiment (and, beside it, random pushes of the same length), then a
@@ -19,6 +20,7 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -188,6 +190,61 @@ def cart_log(rng: np.random.Generator, drag: Callable[[Array], Array], seconds: 
     )
 
 
+#: Forms that are the same for speeds above zero.
+ALIKE = {"dead zone": "hinge", "magnitude with offset": "affine"}
+
+
+def any_form(rng: np.random.Generator) -> tuple[str, Callable[[Array], Array]]:
+    """One of all forms, over speeds of 0 to 2 m/s, with numbers drawn at random."""
+    a, b, c = rng.uniform(0.5, 2.0), rng.uniform(-2.0, 2.0), rng.uniform(-1.0, 1.0)
+    at, wide, n = rng.uniform(0.4, 1.6), rng.uniform(0.1, 0.4), np.exp(rng.uniform(np.log(0.4), np.log(4.0)))
+
+    def power(v: Array) -> Array:
+        return np.maximum(v, 1e-9) ** n
+
+    every: dict[str, Callable[[Array], Array]] = {
+        "constant": lambda v: a + 0.0 * v,
+        "proportional": lambda v: a * v,
+        "affine": lambda v: b + a * v,
+        "square": lambda v: a * v**2,
+        "cubic": lambda v: a * v**3,
+        "quadratic": lambda v: b * v + a * v**2,
+        "odd cubic": lambda v: b * v + a * v**3,
+        "parabola": lambda v: a + b * v + c * v**2,
+        "power": lambda v: a * power(v),
+        "saturating": lambda v: 2 * a * v / (at + v),
+        "inhibited": lambda v: 4 * a * v / (at + v + v**2 / (3 * wide)),
+        "hill": lambda v: 2 * a * power(v) / (at**n + power(v)),
+        "exponential decay": lambda v: 2 * a * np.exp(-v / at),
+        "exponential approach": lambda v: a * (1 - np.exp(-v / at)),
+        "logistic": lambda v: 2 * a / (1 + np.exp((at - v) / wide)),
+        "hinge": lambda v: 2 * a * np.maximum(v - at, 0.0),
+        "hinge below": lambda v: 2 * a * np.maximum(at - v, 0.0),
+        "saturating with offset": lambda v: b + 2 * a * v / (at + v),
+        "exponential with offset": lambda v: b + 2 * a * np.exp(-v / at),
+        "power with offset": lambda v: b + a * power(v),
+        "hinge with offset": lambda v: b + 2 * a * np.maximum(v - at, 0.0),
+        "hinge on a line": lambda v: c * v + 2 * a * np.maximum(v - at, 0.0),
+    }
+    name = list(every)[int(rng.integers(len(every)))]
+    return name, every[name]
+
+
+def braked_log(rng: np.random.Generator, drag: Callable[[Array], Array], seconds: int = 20) -> hc.Log:
+    """A cart with a known brake of 4/s besides, pushed to speeds of 0.1 to 1.9 m/s, 0.5 to 4 % noise."""
+    wanted = rng.uniform(0.1, 1.9, seconds)
+    push, v, seen = np.repeat(4.0 * wanted + drag(wanted), 10), 1.0, list[float]()
+    for force in push:
+        seen.append(v)
+        for _ in range(50):
+            v += 0.002 * (force - 4.0 * v - float(drag(np.array(v))))
+    rows = np.array(seen)
+    noise = np.exp(rng.uniform(np.log(0.005), np.log(0.04))) * np.ptp(rows)
+    return hc.Log(
+        "run", np.arange(rows.size) / 10, {"v": rows + noise * rng.normal(size=rows.size), "F": push}
+    )
+
+
 def function_of(block: hc.Block, log: hc.Log) -> FittedFunction:
     """The only unknown function of a Block, as a log shows it."""
     model = hc.BlockModel(block)
@@ -196,25 +253,28 @@ def function_of(block: hc.Block, log: hc.Log) -> FittedFunction:
     return named_forms(model, fit, tables, lambda what: None)[0]
 
 
-def calibration(cases: int) -> None:
+def calibration(cases: int, every: bool, seed: int) -> None:
     """Print the share right and the share of table nodes within two errors, by the probability stated."""
-    v, F = hc.Signal("v", "m/s"), hc.Signal("F", "m/s^2")
-    block = hc.Block("cart", [v], [F], [v], [], {"v": F.symbol - hc.unknown("drag", ["v"], "m/s^2")})
+    v, F, k = hc.Signal("v", "m/s"), hc.Signal("F", "m/s^2"), hc.Signal("k", "1/s", start=4.0)
+    k = replace(k, lower=4.0, upper=4.0)  # known
+    drag_of, log_of = (any_form, braked_log) if every else (forms, cart_log)
+    known = [k] if every else []
+    slope = F.symbol - hc.unknown("drag", ["v"], "m/s^2") - (k.symbol * v.symbol if every else 0)
+    block = hc.Block("cart", [v], [F], [v], known, {"v": slope})
     said, right, nodes, begin = list[float](), list[bool](), list[float](), time.process_time()
     for case in range(cases):
-        rng = np.random.default_rng([SEED, 1000 + case])
-        name, drag = forms(rng)
+        rng = np.random.default_rng([SEED, seed + case])
+        name, drag = drag_of(rng)
         try:
-            found = function_of(block, cart_log(rng, drag))
+            found = function_of(block, log_of(rng, drag))
         except hc.InputError as error:
             print(f"{case}: {name}: refused: {error}", flush=True)
             continue
         best = found.forms[0]
         said.append(best.probability)
-        # a signed form of a speed that is positive is the same form
-        right.append(best.name.removeprefix("signed ") == name)
+        right.append(_named(best.name) == name)
         nodes += (np.abs(found.values - drag(found.grid)) < 2.0 * found.std).tolist()
-        own = next((f.probability for f in found.forms if f.name.removeprefix("signed ") == name), 0.0)
+        own = next((f.probability for f in found.forms if _named(f.name) == name), 0.0)
         print(f"{case}: {name}: {best} ({best.probability:.0%}); its own {own:.0%}", flush=True)
     p, hit = np.array(said), np.array(right)
     for low, high in ((0.0, 0.4), (0.4, 0.6), (0.6, 0.8), (0.8, 0.9), (0.9, 1.01)):
@@ -227,18 +287,26 @@ def calibration(cases: int) -> None:
     print(f"values of tables within two errors: {np.mean(nodes):.0%}")
 
 
+def _named(form: str) -> str:
+    """The name of a form among those that are the same above zero."""
+    plain = form.removeprefix("signed ")
+    return ALIKE.get(plain, plain)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("what", choices=["bioreactor", "forms", "experiment"])
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--cases", type=int, default=0, help="default: 100 of forms, 10 of experiment")
+    parser.add_argument("--every", action="store_true", help="draw from all forms")
+    parser.add_argument("--seed", type=int, default=1000, help="of the first case of forms")
     options = parser.parse_args()
     if options.what == "bioreactor":
         bioreactor(options.seeds)
     elif options.what == "experiment":
         settling(options.cases or 10)
     else:
-        calibration(options.cases or 100)
+        calibration(options.cases or 100, options.every, options.seed)
 
 
 if __name__ == "__main__":

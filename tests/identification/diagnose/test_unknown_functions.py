@@ -44,6 +44,27 @@ def test_identify_gives_it_as_a_table_with_errors() -> None:
     assert found.block.to_numpy().derivatives(0.0, [at], [0.0])[0] == pytest.approx(-drag.values[3])
 
 
+def test_samples_at_which_it_is_largest_are_no_outliers() -> None:
+    # drag of the relative wind, whose extremes follow its jumps: a constant does not reach them
+    w, rng, n = hc.Signal("w", "m/s"), np.random.default_rng(3), 300
+    drag = hc.unknown("drag", of=["relative"], unit="m/s^2")
+    known = {"relative": V.symbol - w.symbol}
+    block = hc.Block("cart", [V], [F, w], [V], [], {"v": F.symbol - drag}, definitions=known)
+    push, wind = np.repeat(rng.uniform(-1.0, 1.0, 30), 10), np.repeat(rng.uniform(-1.0, 1.0, 20), 15)
+    v, rows = 0.0, []
+    for k in range(n):
+        rows.append(v)
+        for _ in range(100):
+            v += 0.001 * (push[k] - 1.5 * (v - wind[k]) * abs(v - wind[k]))
+    seen = np.array(rows) + 2e-3 * rng.normal(size=n)
+    (found,) = hc.identify(
+        block, [hc.Log("run", np.arange(n) / 10, {"v": seen, "F": push, "w": wind})]
+    ).functions
+    relative = np.array(rows) - wind
+    assert found.grid[[0, -1]] == pytest.approx([relative.min(), relative.max()], abs=0.01)
+    assert np.abs((found.values - 1.5 * found.grid * abs(found.grid)) / found.std).max() < 3.5
+
+
 @pytest.mark.slow("product")
 @pytest.mark.parametrize(
     ("slope", "parameter", "reason"),

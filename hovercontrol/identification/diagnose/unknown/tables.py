@@ -24,22 +24,19 @@ from hovercontrol.identification.diagnose.search.base import base_fit
 from hovercontrol.identification.diagnose.unknown.function import FittedFunction
 from hovercontrol.identification.engine.data import Data
 from hovercontrol.identification.engine.excitation import Excitation
-from hovercontrol.identification.engine.fit import Fit, refit, scored
+from hovercontrol.identification.engine.fit import Fit, estimate, refit, scored
 from hovercontrol.identification.engine.prior import Prior, prior_of
 from hovercontrol.identification.engine.problem import Problem
 from hovercontrol.identification.engine.subject import Subject
 
 #: Most nodes of a table, fewest samples for each, and the part of its range by which it may fall short.
-NODES, SAMPLES, SHORT = 10, 8, 0.1
+NODES, SAMPLES, SHORT = 10, 8, 0.02
 
 #: Most times that a table is spread over a new range.
 ROUNDS = 4
 
 #: Process noise under which a table is fitted first, relative to the observed acceleration.
 QUIETER = (0.3, 0.03)
-
-#: Fraction of the rows beyond the outer nodes, on each side.
-OUTSIDE = 0.002
 
 #: Errors of its argument over which a function must be seen: that of pure noise is 6.
 RANGE = 8.0
@@ -94,11 +91,22 @@ def tabulated(
             quiet = replace(fit.noise, measured=data.noise, process=part * problem.accelerations)
             fit = refit(fit, problem, prior, noise=quiet, p=p, levels=False)
             p = fit.p
-        fit = scored(refit(fit, problem, prior), prior)
+        fit = scored(_judged(refit(fit, problem, prior), data), prior)
         if all(_covers(table, fit) for table in tables):
             break
     refuse_unseen(fit, tables)
     return fit, tables
+
+
+def _judged(near: Fit, data: Data) -> Fit:
+    """Return a fit with tables to all samples but its own outliers.
+
+    Beside a constant, the samples at which the function is largest are outliers.
+    """
+    own = near.problem.data
+    every = replace(own, rows=replace(own.rows, values=data.rows.values), variance=data.variance)
+    problem = Problem(near.problem.model, every, near.problem.names)
+    return estimate(problem, near.prior, near.noise, p=near.p, path=near.path, gate=True)
 
 
 def fitted_with(
@@ -151,11 +159,11 @@ def _quantiles(fit: Fit, of: Unknown) -> Array:
     along = arguments_along(fit, of.calls)
     along = along[np.isfinite(along)]
     count = min(max(int(fit.problem.seen.sum()) // SAMPLES, FEWEST), NODES)
-    return np.quantile(along, np.linspace(OUTSIDE, 1.0 - OUTSIDE, count)) if along.size else np.zeros(count)
+    return np.quantile(along, np.linspace(0.0, 1.0, count)) if along.size else np.zeros(count)
 
 
 def _covers(table: TableFunction, fit: Fit) -> bool:
-    """Return whether a table covers nearly all of the range of its argument in a fit."""
+    """Return whether a table covers the range of its argument in a fit."""
     reached = _quantiles(fit, table.of)[[0, -1]]
     room = SHORT * (table.grid[-1] - table.grid[0])
     return bool(reached[0] > table.grid[0] - room and reached[1] < table.grid[-1] + room)
