@@ -44,6 +44,7 @@ def test_identify_gives_it_as_a_table_with_errors() -> None:
     assert found.block.to_numpy().derivatives(0.0, [at], [0.0])[0] == pytest.approx(-drag.values[3])
 
 
+@pytest.mark.slow
 def test_samples_at_which_it_is_largest_are_no_outliers() -> None:
     # drag of the relative wind, whose extremes follow its jumps: a constant does not reach them
     w, rng, n = hc.Signal("w", "m/s"), np.random.default_rng(3), 300
