@@ -13,8 +13,8 @@ decide:
   response at another size has another shape;
 - constant over wandering amplitude, or it over the accelerations, not above D less the prior odds, or the
   amplitude has a rate, or it is not significant: the alarm may be due to an unknown acceleration, the one
-  that is largest in units of its standard deviation. A name that has stood alone still does so when its
-  change has ended.
+  that is largest in units of its standard deviation. If the change has ended, the name stands alone if it did
+  so before the estimate that finds no change: within one estimate a constant amplitude does not end.
 
 With the amplitude theta and its variance V, ``theta^2/V`` is twice the logarithm of the likelihood ratio of
 the named change to none: below D, what was named may be no change.
@@ -57,7 +57,7 @@ class Named:
         Largest g of all, and that of the named change.
     begins, spared, steady, sure : sympy.Expr
         1 where the estimate begins, if it is never refuted, if the amplitude has no significant rate, and if
-        it is significant or has ended after the name stood alone.
+        it is significant, or has ended and the name stood alone before this estimate.
     """
 
     M: sp.Matrix

@@ -355,8 +355,9 @@ class _Estimate:
         self.gone = write.define(
             "gone", chosen(sp.And(same - none > least, none < least), sp.S.One, sp.S.Zero)
         )
-        stood = self._state("stood", "1", "1 once the name has stood alone")
-        sure = chosen(none < least, self.gone * stood, sp.S.One)
+        self.stands = self._state("stands", "1", "1 once the name has stood alone in this estimate")
+        self.stood = self._state("stood", "1", "1 once the name has stood alone before this estimate")
+        sure = chosen(none < least, self.gone * self.stood, sp.S.One)
         self.start = Named(
             self.M, self.push, self.jolt, self.left, self.moved, moves, self.phi, self.likelihood,
             sp.Max(self.peak**2, self.theta**2 + self.variance), self.first * sp.Matrix(along), spread,
@@ -396,7 +397,9 @@ class _Estimate:
         squared, least = self.theta**2, DECIDES * self.variance
         higher = sp.And(squared > self.peak**2, squared > least, self.steady > sp.S.Half)
         kept = chosen(higher, self.theta, self.peak)
-        stood = chosen(self.judged.doubt, sp.Symbol("stood", real=True), sp.S.One)
+        stands = write.define("stands_now", chosen(self.judged.doubt, self.stands, sp.S.One))
+        following["stands"] = chosen(self.begins, sp.S.Zero, stands)
+        stood = chosen(self.begins, sp.Max(stands, self.stood), self.stood)
         for key, value in (("peak", kept), ("stood", stood)):
             following[key] = chosen(self.anew > sp.S.Half, sp.S.Zero, value)
         self._state("named_theta", "1", "amplitude")
