@@ -16,6 +16,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 from hovercontrol.base.arrays import Array
+from hovercontrol.craft.effects import Effect
 from hovercontrol.craft.effects.law import TableLaw
 from hovercontrol.identification.diagnose.criteria import CRITERIA, Criteria
 from hovercontrol.identification.diagnose.evidence.sensors import only_noise
@@ -35,8 +36,12 @@ from hovercontrol.identification.engine.data import Data
 from hovercontrol.identification.engine.fit import Fit
 from hovercontrol.identification.engine.subject import Subject, structure
 
-#: Forms of few numbers that are fitted in place of a function.
+#: Forms of few numbers that are fitted in place of a function, and number of functions for which they are.
 FORMS = 2
+
+#: Standard deviation of a given coefficient, as a part of that of the prior, when readings of the same logs
+#: are compared.
+TRUSTED = 0.1
 
 
 def with_functions(
@@ -61,7 +66,9 @@ def with_functions(
     criteria, report, trace
         As for :func:`.select`.
     """
-    if only_noise(found.selection.final, criteria):
+    effects = found.selection.effects
+    flexible = [n for n in effects if found.selection.final.model.effect(n).flexible]
+    if only_noise(found.selection.final, criteria) and not flexible:
         return found
     given, rows = found, [] if trace is None else trace
     search = Search(model, None, criteria, report, rows)
@@ -69,6 +76,8 @@ def with_functions(
     if wrong:
         reason = f"its form is wrong: a function of its own signals gains {max(wrong.values()):.3g} more"
         found = without(found, list(wrong), reason)
+    elif flexible:
+        found = without(found, flexible, "a function of one signal is as likely as its many numbers")
     report("looking for what acts in one regime only")
     final, added = found.selection.final, dict[str, int]()
     seen = _locals(final, criteria, rows)
@@ -92,7 +101,9 @@ def with_functions(
     if doubtful:
         reason = "held-out logs do not show it, or it explains little of what is missing"
         again = without(again, doubtful, reason)
-    return again if any(n in added for n in again.selection.effects) else unnamed
+    named = [n for n in again.selection.effects if n in added]
+    likelier = _cost(again.selection.final, criteria) < _cost(given.selection.final, criteria)
+    return again if named and (likelier or not flexible) else unnamed
 
 
 def _of_wrong_form(selection: Selection, criteria: Criteria, rows: list[Decision]) -> dict[str, float]:
@@ -177,27 +188,68 @@ def function_names(
 
 
 def _fitted(search: Search, final: Fit, found: Sequence[tuple[Local, Array]]) -> Tried | None:
-    """Return the fit with the likeliest of functions, or with a form of few numbers that is as likely."""
-    model, criteria = final.problem.model, search.criteria
-    fits = []
-    for local, along in found:
-        t = _added(search, final, local)
-        fits += [(t, local, along)] if t and t.gain >= criteria.least else []
+    """Return the fit with the likeliest of functions, or with a form of few numbers that is as likely.
+
+    The noise of a fit without them holds part of what they add, and tells little of where they end. So their
+    ends are sought once more under the noise of the likeliest.
+    """
+    criteria = search.criteria
+    fits = _of_functions(search, final, found)
     if not fits:
         return None
-    best, local, along = min(fits, key=lambda one: criteria.penalised(one[0].fit))
-    law = best.fit.model.effect(best.name)
-    if not isinstance(law, TableLaw):
-        return _nearest_to_given(search, [best, *(_added(search, final, one) for one in local.complement())])
-    forms = [best]
-    for form in nearest(model, local.forms(), law, along)[:FORMS]:
+    best, local, _ = fits[0]
+    along = {one.of.signal: values for one, values in found}
+    scan = Scan(replace(final, noise=best.fit.noise), local.equation)
+    kinds = {(one.by, one.of): one for one, _ in found}
+    fits += _of_functions(
+        search, final, [(one, along[one.of.signal]) for one in scan.placed([*kinds.values()])]
+    )
+    fits.sort(key=lambda one: criteria.penalised(one[0].fit))
+    pool = [t for t, _, _ in fits]
+    least = criteria.penalised(fits[0][0].fit) + criteria.apart
+    ranges = [one for t, one, _ in fits if one.complement() and criteria.penalised(t.fit) < least]
+    pool += [other for one in ranges[:1] for way in one.complement() if (other := _added(search, final, way))]
+    tables = [(t, one, values) for t, one, values in fits if isinstance(t.effect, TableLaw)]
+    for t, one, values in tables[:FORMS]:
+        if any(only_noise(t.fit, criteria) for t in pool if not isinstance(t.effect, TableLaw)):
+            break
+        law = t.fit.model.effect(t.name)
+        assert isinstance(law, TableLaw)
+        near = nearest(final.problem.model, one.forms(), law, values)
+        pool += _of_few_numbers(search, final, t, near[:FORMS])
+    return min(pool, key=lambda t: _cost(t.fit, criteria))
+
+
+def _of_functions(
+    search: Search, final: Fit, found: Sequence[tuple[Local, Array]]
+) -> list[tuple[Tried, Local, Array]]:
+    """Return the fits with each of some functions, the likeliest first."""
+    tried = [(_added(search, final, local), local, along) for local, along in found]
+    fits = [(t, local, along) for t, local, along in tried if t and t.gain >= search.criteria.least]
+    return sorted(fits, key=lambda one: search.criteria.penalised(one[0].fit))
+
+
+def _of_few_numbers(search: Search, final: Fit, t: Tried, forms: Sequence[Effect]) -> list[Tried]:
+    """Return the fits with forms in place of a table."""
+    found = []
+    for form in forms:
         search.report(f"trying {form.name} in its place")
         try:
-            fit = search.fit(best.fit, final.model.with_effects([form]))
+            fit = search.fit(t.fit, final.model.with_effects([form]))
         except FloatingPointError:
             continue
-        forms.append(beside(fit, final, form.name))
-    return min(forms, key=lambda t: criteria.penalised(t.fit))
+        found.append(beside(fit, final, form.name))
+    return found
+
+
+def _cost(fit: Fit, criteria: Criteria) -> float:
+    """Return the penalised cost of a fit, and of how far its coefficients depart from the given ones.
+
+    A drag that is larger below a speed is one that is smaller above it, with another coefficient: of two
+    readings of the same logs, the given model tells which one departs from it.
+    """
+    departure = fit.prior.cost(fit.problem.inside(fit.p)) / TRUSTED**2
+    return criteria.penalised(fit) + min(departure, criteria.apart)
 
 
 def _added(search: Search, final: Fit, local: Local) -> Tried | None:
@@ -206,17 +258,6 @@ def _added(search: Search, final: Fit, local: Local) -> Tried | None:
     cls = final.problem.model.effect_class(local.table())
     start = {"value": 0.0} if "value" in cls.numbers else {}
     return try_effect(search, final, cls(**start, **local.numbers()))
-
-
-def _nearest_to_given(search: Search, tried: Sequence[Tried | None]) -> Tried:
-    """Return the fit with a range or with all outside it; of two as likely, that nearest to the given model.
-
-    A drag that is larger below a speed is one that is smaller above it, with another coefficient.
-    """
-    fits = [t for t in tried if t is not None]
-    most = max(t.gain for t in fits)
-    near = [t for t in fits if t.gain > most - search.criteria.apart]
-    return min(near, key=lambda t: t.fit.prior.cost(t.fit.problem.inside(t.fit.p)))
 
 
 def _selected(search: Search, selection: Selection, final: Fit, added: Mapping[str, int]) -> Selection:

@@ -276,8 +276,11 @@ class Scan:
         if not best or best[0][0].gain < CRITERIA.least:
             return [local for local, _, _ in best[:1]]
         most = max(local.gain for local, _, _ in best)
-        found = [one for local, _, _ in best if local.gain > NEAR * most for one in placed(self, local)]
-        return self._simplest(found)[:FITTED]
+        return self.placed([local for local, _, _ in best if local.gain > NEAR * most])
+
+    def placed(self, found: Sequence[Local]) -> list[Local]:
+        """Return functions with the ends at which each gains most, the best first."""
+        return self._simplest([one for local in found for one in placed(self, local)])[:FITTED]
 
     def best(self) -> Local | None:
         """Return the function that gains most, wherever it acts; None if none gains."""

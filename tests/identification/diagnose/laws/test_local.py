@@ -58,7 +58,8 @@ def test_the_scan_finds_the_signal_and_where_the_drag_acts(fit):
 
 def test_what_begins_with_a_step_is_a_range_and_the_given_coefficients_tell_on_which_side():
     found = base_fit(model(), gather(model(), [driven(3, lambda s: 0.4 * s * (s < -1.0))]))
-    seen = [(one, np.zeros(1)) for one in Scan(found, "v").found()]
+    scan = Scan(found, "v")
+    seen = [(one, scan.values[one.of.signal]) for one in scan.found()]
     assert seen[0][0].table() in ("law_v__v__above_v", "law_v__v__below_v")  # alike, but for a coefficient
     t = _fitted(Search(model(), None, CRITERIA, lambda what: None), found, seen)
     law = t.fit.model.effect(t.name)
