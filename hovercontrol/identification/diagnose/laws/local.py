@@ -66,18 +66,12 @@ def with_functions(
     criteria, report, trace
         As for :func:`.select`.
     """
-    effects = found.selection.effects
-    flexible = [n for n in effects if found.selection.final.model.effect(n).flexible]
-    if only_noise(found.selection.final, criteria) and not flexible:
+    given, rows, final = found, [] if trace is None else trace, found.selection.final
+    flexible = [n for n in found.selection.effects if final.model.effect(n).flexible]
+    if only_noise(final, criteria) and not flexible:
         return found
-    given, rows = found, [] if trace is None else trace
     search = Search(model, None, criteria, report, rows)
-    wrong = _of_wrong_form(found.selection, criteria, rows)
-    if wrong:
-        reason = f"its form is wrong: a function of its own signals gains {max(wrong.values()):.3g} more"
-        found = without(found, list(wrong), reason)
-    elif flexible:
-        found = without(found, flexible, "a function of one signal is as likely as its many numbers")
+    found = _without_doubtful(found, flexible, criteria, rows)
     report("looking for what acts in one regime only")
     final, added = found.selection.final, dict[str, int]()
     seen = _locals(final, criteria, rows)
@@ -86,24 +80,39 @@ def with_functions(
         t = _fitted(search, final, [one for one in likely if one[0].equation == equation])
         if t is not None:
             final, added[t.name] = t.fit, likely[0][0].among
-    regions = tuple(same[0][0] for same in seen)
+    regions = () if only_noise(given.selection.final, criteria) else tuple(same[0][0] for same in seen)
     unnamed = replace(given, selection=replace(given.selection, regions=regions))
     if not added:
         return unnamed
     more = _selected(search, found.selection, final, added)
     report("predicting the held-out logs with the functions")
-    again = held_out(more, data, criteria, rows)
-    named = [n for n in again.selection.effects if n in added]
-    if only_noise(again.selection.final, criteria) or random_remainder(again.selection.final, criteria.level):
-        doubtful = [n for n in named if data and not shown(again.evidence[n], criteria)]
-    else:
-        doubtful = [n for n in named if not sound(again, n, found.selection.final, criteria)]
-    if doubtful:
-        reason = "held-out logs do not show it, or it explains little of what is missing"
-        again = without(again, doubtful, reason)
-    named = [n for n in again.selection.effects if n in added]
+    again = _shown(held_out(more, data, criteria, rows), added, found.selection.final, criteria)
+    named = any(n in added for n in again.selection.effects)
     likelier = _cost(again.selection.final, criteria) < _cost(given.selection.final, criteria)
     return again if named and (likelier or not flexible) else unnamed
+
+
+def _without_doubtful(
+    found: HeldOut, flexible: Sequence[str], criteria: Criteria, rows: list[Decision]
+) -> HeldOut:
+    """Return a search without the names whose form is wrong, or whose many numbers may stand for others."""
+    wrong = _of_wrong_form(found.selection, criteria, rows)
+    if wrong:
+        reason = f"its form is wrong: a function of its own signals gains {max(wrong.values()):.3g} more"
+        return without(found, list(wrong), reason)
+    reason = "a function of one signal is as likely as its many numbers"
+    return without(found, flexible, reason) if flexible else found
+
+
+def _shown(again: HeldOut, added: Mapping[str, int], base: Fit, criteria: Criteria) -> HeldOut:
+    """Return a search without the functions that held-out logs do not show."""
+    final, named = again.selection.final, [n for n in again.selection.effects if n in added]
+    if only_noise(final, criteria) or random_remainder(final, criteria.level):
+        doubtful = [n for n in named if again.before and not shown(again.evidence[n], criteria)]
+    else:
+        doubtful = [n for n in named if not sound(again, n, base, criteria)]
+    reason = "held-out logs do not show it, or it explains little of what is missing"
+    return without(again, doubtful, reason) if doubtful else again
 
 
 def _of_wrong_form(selection: Selection, criteria: Criteria, rows: list[Decision]) -> dict[str, float]:
