@@ -14,7 +14,8 @@ from hovercontrol.logs.topic import Topic
 #: Topics with setpoints instead of measurements, and with a simulator's ground truth.
 _WANTED = re.compile(r"set_?point|desired|target|reference|groundtruth|_sp\b", re.IGNORECASE)
 _COMMAND = re.compile(
-    r"cmd|command|actuator|motor|servo|rc_?ou|throttle|thrust|rudder|pwm|fan|esc", re.IGNORECASE
+    r"cmd|command|(^|/)drive\b|steer|actuator|motor|servo|rc_?ou|throttle|thrust|rudder|pwm|fan|esc",
+    re.IGNORECASE,
 )
 _NO_POSITION = re.compile(
     r"vel|acc|gyr|angular|linear|orient|quat|twist|mag|rot|del|\bv[xy]$|var|ref_", re.IGNORECASE
@@ -23,6 +24,7 @@ _NO_POSITION = re.compile(
 #: Suffixes of the names of x and y of a position, of a heading, of a yaw rate, and of body velocities.
 _POSITIONS = ((r"x", "y"), (r"\bPN", "PE"), (r"pos\[0\]", "pos[1]"), (r"position\[0\]", "position[1]"))
 _HEADING = re.compile(r"(^|[./_])(heading|yaw|psi)$", re.IGNORECASE)
+_PLANAR_HEADING = re.compile(r"(^|[./_])theta$", re.IGNORECASE)  # of geometry_msgs/Pose2D
 _RATE = re.compile(
     r"(angular(_velocity)?\.z|angular_velocity/xyz\[2\]|GyrZ|yaw_?rate|yawspeed|(^|[./])r)$", re.IGNORECASE
 )
@@ -69,7 +71,7 @@ def proposal(topics: Sequence[Topic], kind: str, inputs: Sequence[str] = ()) -> 
     elif places := [place for topic in measured if (place := _fix(topic, ned=ned))]:
         found = max(places, key=lambda pair: pair[1].rows)[0]
     if found and "psi" not in found:
-        headings = [psi for topic in measured if (psi := _heading(topic.header))]
+        headings = [psi for topic in measured if (psi := _heading(topic))]
         found |= {"psi": headings[0]} if headings else {}
     rates = [
         name
@@ -136,17 +138,20 @@ def _pose(topic: Topic) -> tuple[dict[str, str], Topic] | None:
                 and not _NO_POSITION.search(stem.removeprefix(topic.name))
             ):
                 pose = {"x": name, "y": f"{stem}{second}"}
-                psi = _heading(topic.header)
+                psi = _heading(topic)
                 return ({**pose, "psi": psi} if psi else pose), topic
     return None
 
 
-def _heading(header: Sequence[str]) -> str:
-    """Return the column of the heading, or the columns of a rotation; empty if there are none."""
+def _heading(topic: Topic) -> str:
+    """Return the column of the heading, or the columns of a rotation; empty if none has a value."""
+    header = topic.header
     there = set(header)
-    for name in header:
-        if _HEADING.search(name):
-            return name
+    planar = not any(re.search(r"(^|[./_])phi$", name) for name in header)  # else theta is the pitch
+    for pattern in (_HEADING, _PLANAR_HEADING) if planar else (_HEADING,):
+        for name in filter(pattern.search, header):
+            if np.isfinite(topic.values([name])[name]).any():
+                return name
     for ends in _QUATERNIONS:
         for name in header:
             if name.endswith(ends[0]):

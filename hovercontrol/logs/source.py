@@ -133,7 +133,7 @@ FORMATS = (
     Format("CAN frames", (".blf", ".asc"), "can:can", "`Motion/Speed`, by a database (DBC) beside the file", (b"LOGG", b";$FILEVERSION"), "python-can, cantools",  # noqa: E501
            rb"\(\d+\.\d+\)\s+\S+\s+[0-9A-Fa-f]+#|date \w+ \w+ +\d+ "),
     Format("NMEA 0183", (".nmea",), "nmea:nmea", "`RMC/lat`, `HDT/heading`; deg, m/s", (),
-           "", rb"(\\[^\\]*\\)?\$[A-Z]{2,5}[A-Z0-9]{3},"),
+           "", rb"(\\[^\\]*\\)?\$[A-Z]{2,5}[A-Z0-9]{3},|[^\n$!]{0,64}[$!][A-Z]{2,5}[A-Z0-9]{3},[^\n]*\*[0-9A-F]{2}"),  # noqa: E501
     Format("GPX", (".gpx",), "gpx:gpx", "`time`, `lat`, `lon`", (), "", rb"\s*(\xef\xbb\xbf)?\s*(<\?xml.*?)?<gpx\b"),  # noqa: E501
     Format("FIT", (".fit",), "fit:fit", "`record/position_lat`, `gps_metadata/course`; units as the profile states them", (), "fitdecode",  # noqa: E501
            rb"[\x0c\x0e].{7}\.FIT"),

@@ -59,7 +59,13 @@ def can(file: Path) -> Tables:
     module = library(file, "can", "CAN logs", "logs-all", package="python-can")
     with file.open("rb") as stream:
         start = stream.read(16)
+        first = stream.read(256)
     reader = getattr(module, next(name for begin, name in _READERS if start.startswith(begin)))
+    if reader is module.ASCReader and b"timestamps relative" in first:
+        raise InputError(
+            f"{file}: CAN frames: expected absolute timestamps, found those relative to the event before: "
+            "export the log with absolute ones"
+        )
     return Tables(file, decoded(file, lambda numbers: _frames(reader(str(file)), numbers)))
 
 

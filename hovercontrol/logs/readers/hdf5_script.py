@@ -23,8 +23,8 @@ def contents(file: str) -> tuple[dict[str, str], dict[str, Any]]:
         found: list[tuple[str, Any]] = []
         opened.visititems(lambda name, item: found.append((name, item)) if hasattr(item, "shape") else None)
         for name, item in found:
-            stated = item.attrs.get("units", item.attrs.get("unit", ""))
-            unit = stated.decode("utf-8", "replace") if isinstance(stated, bytes) else str(stated)
+            stated = np.ravel(item.attrs.get("units", item.attrs.get("unit", ""))).tolist()[:1] or [""]
+            unit = stated[0].decode("utf-8", "replace") if isinstance(stated[0], bytes) else str(stated[0])
             for column, values in _columns(name, item):
                 columns[column], units[column] = _unpacked(values, item.attrs), unit
     return units, columns

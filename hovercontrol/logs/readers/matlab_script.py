@@ -39,6 +39,9 @@ def _vectors(name: str, value: Any, units: dict[str, str]) -> Iterator[tuple[str
             elif len(each) <= WIDEST:
                 for k, one in enumerate(each):
                     yield from _vectors(f"{name if len(each) == 1 else f'{name}({k + 1})'}.{key}", one, units)
+    elif isinstance(value, np.ndarray) and value.dtype.kind == "O" and value.size <= WIDEST:  # cells
+        for k, one in enumerate(value.flat):
+            yield from _vectors(name if value.size == 1 else f"{name}({k + 1})", one, units)
     elif isinstance(value, np.ndarray) and value.dtype.kind == "m":
         units[name] = "s"
         yield name, _seconds(value.ravel())

@@ -22,8 +22,11 @@ def structure(file: str) -> tuple[list[dict[str, Any]], dict[str, Any]]:
 
 def _group(measured: Any, number: int, group: Any) -> dict[str, Any]:
     at = measured.masters_db.get(number)
-    channels = [
-        (c.name, k, _unit(c)) for k, c in enumerate(group.channels) if k != at and _is_number(c, measured)
+    arrays = getattr(group, "channel_dependencies", None) or [None] * len(group.channels)
+    channels = [  # the elements of an array are channels of their own, too
+        (c.name, k, _unit(c))
+        for k, c in enumerate(group.channels)
+        if k != at and not arrays[k] and _is_number(c, measured)
     ]
     master = group.channels[at] if at is not None else None
     return {

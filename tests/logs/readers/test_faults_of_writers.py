@@ -35,6 +35,7 @@ def can_signal(name: str, raw: np.ndarray, labels: dict[int, str], scale: float,
     )
 
 
+@pytest.mark.slow("Standstill", "Idle", "verf", "Sensor_Error", "Init")
 @pytest.mark.parametrize(
     ("label", "raw", "value"),
     [
@@ -81,6 +82,7 @@ def test_samples_with_an_invalidation_bit_are_missing(tmp_path) -> None:
     assert np.array_equal(np.isnan(log["x"]), bad) and np.array_equal(log["y"], TIME)
 
 
+@pytest.mark.slow("way", "count")
 @pytest.mark.parametrize(("kind", "name", "unit"), [(2, "crank", "deg"), (3, "way", "m"), (4, "count", "")])
 def test_a_master_that_is_no_time_is_no_clock(tmp_path, kind, name, unit) -> None:
     asammdf = pytest.importorskip("asammdf")

@@ -132,6 +132,7 @@ VAL_ 100 Thrust 0 "Off" 4095 "SNA" ;
 """
 
 
+@pytest.mark.slow("mf4")
 @pytest.mark.parametrize("suffix", ["blf", "asc", "trc", "log", "mf4"])
 def test_can_frames_are_decoded_by_a_database_beside_them(tmp_path: Path, suffix: str) -> None:
     can, tools = pytest.importorskip("can"), pytest.importorskip("cantools")
@@ -173,6 +174,7 @@ BO_ 2566844928 Own: 8 ECU
 """
 
 
+@pytest.mark.slow("mf4")
 @pytest.mark.parametrize("suffix", ["blf", "mf4"])
 def test_messages_of_j1939_are_known_by_their_group(tmp_path: Path, suffix: str) -> None:
     can, tools = pytest.importorskip("can"), pytest.importorskip("cantools")
@@ -205,6 +207,7 @@ def test_messages_of_j1939_are_known_by_their_group(tmp_path: Path, suffix: str)
     assert other["n"] == pytest.approx(600.0 * 2 * np.pi / 60 + np.zeros(150))
 
 
+@pytest.mark.slow("mf4")
 @pytest.mark.parametrize("suffix", ["blf", "mf4"])
 def test_a_signal_beyond_the_end_of_a_short_frame_is_missing(tmp_path: Path, suffix: str) -> None:
     can = pytest.importorskip("can")

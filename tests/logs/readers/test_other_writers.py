@@ -14,6 +14,7 @@ from hovercontrol.base.errors import InputError
 from hovercontrol.logs import read_log
 from hovercontrol.logs.overview import overview
 from hovercontrol.logs.required_columns import RequiredColumns
+from tests.logs.readers.written_ros import START, Bag
 
 TIME = 0.02 * np.arange(200)
 X, Y, PSI = 0.5 * TIME, 0.1 * TIME, 0.4 * TIME - 0.3
@@ -189,6 +190,91 @@ def test_qualisys_exports_are_in_mm_and_degrees(tmp_path: Path) -> None:
         pairs("x=stern.x,y=stern.y"),
     )
     assert right(log) and np.isnan(log["x"][9])
+
+
+def test_cells_of_matlab_are_numbered(tmp_path: Path) -> None:
+    from scipy.io import savemat
+
+    cells = np.empty((1, 2), dtype=object)
+    cells[0, 0], cells[0, 1] = {"time": TIME, "x": X}, {"time": TIME, "x": 2 * X}
+    savemat(tmp_path / "a.mat", {"logs": cells})
+    assert read_log(tmp_path / "a.mat", {"time": "logs(2).time", "x": "logs(2).x"})["x"] == pytest.approx(
+        2 * X
+    )
+
+
+@pytest.mark.slow
+def test_an_array_of_mdf_is_read_by_its_elements(tmp_path: Path) -> None:
+    asammdf = pytest.importorskip("asammdf")
+    rows = np.zeros(200, dtype=[("pose", "<f8", (3,))])
+    rows["pose"] = np.column_stack([X, Y, PSI])
+    with asammdf.MDF(version="4.10") as file:
+        file.append([asammdf.Signal(TIME, TIME, name="t2"), asammdf.Signal(rows, TIME, name="pose")])
+        file.save(tmp_path / "a.mf4", overwrite=True)
+    assert right(read_log(tmp_path / "a.mf4", pairs("x=pose[0],y=pose[1],psi=pose[2]")))
+    assert "pose[2]" in (overview(tmp_path / "a.mf4", RequiredColumns(motion=True)) or "")
+
+
+def test_can_frames_timed_from_the_event_before_are_refused(tmp_path: Path) -> None:
+    pytest.importorskip("can")
+    head = "date Fri May 1 10:00:00.000 am 2026\nbase hex  timestamps relative\ninternal events logged"
+    file = text(tmp_path / "a.asc", head, ["   0.020000 1  64             Rx   d 2 10 00"] * 9)
+    with pytest.raises(InputError, match="expected absolute timestamps, found those relative"):
+        read_log(file)
+
+
+def test_sentences_of_nmea_after_stamps_and_of_ships_around(tmp_path: Path) -> None:
+    pynmea2 = pytest.importorskip("pynmea2")
+    lines = []
+    for k in range(30):
+        given = (
+            f"1000{k:02d}.00",
+            "A",
+            f"54{0.001 * k:010.7f}",
+            "N",
+            "01000.0000000",
+            "E",
+            "2.0",
+            "0.0",
+            "010526",
+            "",
+            "",
+        )
+        lines += ["!AIVDM,1,1,,A,13u?etPv2;0n:dDPwUM1U1Cb069D,0*24"]
+        lines += [f"[2026-05-01 10:00:{k:02d}] {pynmea2.RMC('GN', 'RMC', given)}"]
+    file = text(tmp_path / "boat.log", lines[0], lines[1:])
+    log = read_log(file, pairs("x=RMC/lat,RMC/lon:north"))
+    assert len(log) == 30 and log["x"][-1] == pytest.approx(0.029 / 60 * 111_298, rel=1e-3)
+
+
+def test_a_planar_pose_and_its_drive_are_proposed(tmp_path: Path) -> None:
+    from rosbags.typesys import get_types_from_msg
+
+    bag = Bag(tmp_path / "a")
+    for name, fields in (
+        ("geometry_msgs/msg/Pose2D", "x y theta"),
+        ("test_msgs/msg/Drive", "steering_angle speed"),
+    ):
+        own = "\n".join(f"float64 {field}" for field in fields.split())
+        bag.store.register({name: get_types_from_msg(own, name)[name]} if name not in bag.store.types else {})
+    with bag.writer:
+        for k, t in enumerate(TIME):
+            ns = START + round(1e9 * t)
+            bag.write("/pose", ns, bag.Pose2D(X[k], Y[k], PSI[k]))
+            bag.write("/drive", ns, bag.Drive(0.1 * (k // 50), 0.5))
+    listed = overview(tmp_path / "a", RequiredColumns(motion=True)) or ""
+    assert "--columns 'x=/pose/x,y=/pose/y,psi=/pose/theta,steering_angle=/drive/steering_angle'" in listed
+
+
+def test_a_heading_without_a_value_is_not_proposed(tmp_path: Path) -> None:
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        for name, values in (("time", TIME), ("x", X), ("y", Y), ("heading", np.nan * X), ("yaw", PSI)):
+            file[f"run/{name}"] = values
+        file["run/x"].attrs["units"] = np.array([b"mm"])  # an array of one text
+    listed = overview(tmp_path / "a.h5", RequiredColumns(motion=True)) or ""
+    assert "psi=run/yaw" in listed
+    assert read_log(tmp_path / "a.h5", {"x": "run/x"})["x"] == pytest.approx(X / 1000)
 
 
 def test_a_table_of_fixes_with_dates_is_listed(tmp_path: Path) -> None:
