@@ -16,6 +16,9 @@ LENGTH, WIDTH = 0.45, 0.25
 #: The outline, bow ahead, of length and width 1.
 OUTLINE = np.array([[0.5, 0.0], [0.28, 0.5], [-0.5, 0.5], [-0.5, -0.5], [0.28, -0.5]])
 
+#: That of a machine without a heading, of diameter 1.
+ROUND = 0.5 * np.stack([np.cos(np.linspace(0.0, 6.2, 24)), np.sin(np.linspace(0.0, 6.2, 24))], axis=1)
+
 #: The hull is drawn at least this part of the map's larger side, or nobody would see it.
 SMALLEST = 1 / 14
 
@@ -79,7 +82,8 @@ def craft_of(motion: Motion, model: Model | None, *, forces: bool = True) -> Cra
     sides = [np.ptp(np.concatenate([row[k] for row in rows if row[k] is not None])) for k in (0, 1)]
     enlarged = max(1.0, SMALLEST * float(max(sides)) / size[0])
     arrows = _arrows(motion, model, size) if forces else []
-    return Craft(OUTLINE * size * enlarged, enlarged, _scaled(arrows, enlarged))
+    outline = OUTLINE * size if motion.headed else ROUND * size.min()
+    return Craft(outline * enlarged, enlarged, _scaled(arrows, enlarged))
 
 
 def _scaled(arrows: list[Arrow], enlarged: float) -> tuple[Arrow, ...]:

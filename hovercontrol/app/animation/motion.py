@@ -50,6 +50,8 @@ class Motion:
         ``x`` and ``y`` [m] of the point of the craft that a controller brings to the reference, if the run
         holds its error ``error_x``, ``error_y``.
     scenery : Scenery
+    headed : bool
+        Whether the run holds a heading; a machine without one is drawn round.
     """
 
     name: str
@@ -64,6 +66,7 @@ class Motion:
     model: Model | None = None
     tracked: Mapping[str, Array] = field(default_factory=dict)
     scenery: Scenery = field(default_factory=lambda: Scenery())
+    headed: bool = True
 
     def at(self, times: Array) -> Motion:
         """Return the motion at other times, shape (m,): poses interpolated, commands held."""
@@ -123,7 +126,7 @@ def motion_of(run: AnyRun, obstacles: ArrayLike = (), waypoints: ArrayLike = ())
 
     True signals (``true_x``) of a scenario are preferred to measured ones, and states of a closed loop
     (``plant.x``) serve where its outputs lack the pose. Without ``psi`` the heading is the only state in rad;
-    if no state is in rad, it is the direction of motion.
+    if no state is in rad, there is none.
 
     Raises
     ------
@@ -132,7 +135,8 @@ def motion_of(run: AnyRun, obstacles: ArrayLike = (), waypoints: ArrayLike = ())
     """
     name, time, columns = _columns(run)
     place = [_find(name, columns, key) for key in POSE[:2]]
-    pose = [*place, _heading(run, name, columns, *place)]
+    heading = _heading(run, name, columns)
+    pose = [*place, np.zeros_like(place[0]) if heading is None else heading]
     known = np.isfinite(pose).all(axis=0)
     if known.sum() < 2:
         raise InputError(f"{name}: expected x, y and psi at two times or more, found {int(known.sum())}")
@@ -151,6 +155,7 @@ def motion_of(run: AnyRun, obstacles: ArrayLike = (), waypoints: ArrayLike = ())
         reference=reference,
         tracked={k: reference[k] + taken[f"error_{k}"] for k in "xy"} if follows else {},
         scenery=scenery_of(run, obstacles, waypoints),
+        headed=heading is not None,
         goal=pair == REFERENCES[1],
         commands=taken,
         model=run.scenario.plant if isinstance(run, Run) and isinstance(run.scenario.plant, Model) else None,
@@ -186,13 +191,13 @@ def _find(name: str, columns: Mapping[str, Array], key: str) -> Array:
     raise InputError(f"{name}: expected the pose of a craft, x, y and psi; of {key!r} it holds {found}")
 
 
-def _heading(run: AnyRun, name: str, columns: Mapping[str, Array], x: Array, y: Array) -> Array:
-    """Return ``psi``; of a machine without it the only state in rad, or the direction of motion."""
+def _heading(run: AnyRun, name: str, columns: Mapping[str, Array]) -> Array | None:
+    """Return ``psi``; of a machine without it the only state in rad, None if there is none."""
     units: Mapping[str, str] = getattr(run, "units", {})
     turning = [key for key in getattr(run, "state_labels", None) or () if units.get(key) == "rad"]
     if any(key.rpartition(".")[2] in ("psi", "true_psi") for key in columns) or len(turning) > 1 or not units:
         return _find(name, columns, POSE[2])
-    return columns[turning[0]] if turning else np.arctan2(np.gradient(y), np.gradient(x))
+    return columns[turning[0]] if turning else None
 
 
 def _found(columns: Mapping[str, Array], taken: Mapping[str, Array], key: str) -> Array | None:

@@ -45,7 +45,7 @@ def plot_path(
     ----------
     run : control.TimeResponseData, Log, Run or MachineRun
         With ``x``, ``y`` [m] and ``psi`` [rad], as for :func:`hovercontrol.animate`. Of a machine of one's
-        own without ``psi`` the heading is its only state in rad, or its direction of motion.
+        own without ``psi`` the heading is its only state in rad; without any it is drawn round.
     model : Model, optional
         Model of the craft, for its size.
     obstacles, waypoints : array_like, optional

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -16,13 +17,16 @@ from hovercontrol.blocks.backends.linear import state_space
 from hovercontrol.blocks.backends.linearization import matrices_at, operating_point
 from hovercontrol.blocks.backends.trim import Trim
 from hovercontrol.blocks.block import Block
-from hovercontrol.blocks.delays import MAX_ORDER, late_states, pade, undelayed
+from hovercontrol.blocks.delays import MAX_ORDER, delay_values, late_states, pade, undelayed
 from hovercontrol.blocks.expressions import Expressions
 from hovercontrol.blocks.interconnect import interconnect, rename
 from hovercontrol.blocks.signals import Signal, suffixed
 
 Loop = Block | Sequence[Block]
 Point = ArrayLike | Mapping[str, float] | Trim
+
+#: Lag of a delay [rad] up to which its Pade approximation of order 10 is exact to 1e-5.
+EXACT_LAG = 8.0
 
 #: What a signal is called where it comes back to the wire that is cut.
 RETURNED = "returned"
@@ -115,6 +119,7 @@ class CutLoop:
         self._n = len(cut)
         #: Of each state of a delay: its wire, and its value at rest per value of the wire.
         self._late: dict[str, tuple[str, float]] = {}
+        self._delayed = [] if isinstance(loop, Block) else [block for block in loop if block.delays]
         if isinstance(loop, Block):
             loop = undelayed(loop)  # inputs of the whole loop: no signal of the loop is late
             self._cut = _cut_whole(loop, cut)
@@ -140,6 +145,8 @@ class CutLoop:
         amplitude: Mapping[str, float] | None = None,
     ) -> control.StateSpace:
         """Return the linear system from the cut wires to where they come back; feedback is positive.
+
+        Its attribute ``up_to`` is the frequency [rad/s] up to which delays are exact; inf without any.
 
         Parameters
         ----------
@@ -204,7 +211,19 @@ class CutLoop:
         )
         states = [s.name for s in self._cut.states]
         labels = {"inputs": wires, "outputs": returned, "states": states}
-        return state_space([A, B[:, :n], C, D[:, :n]], period, **labels)
+        line = state_space([A, B[:, :n], C, D[:, :n]], period, **labels)
+        late = [
+            tau
+            for block in self._delayed
+            for tau in delay_values(block, block.parameter_values(_own(block, point.params))).values()
+        ]
+        line.up_to = EXACT_LAG / max(late, default=0.0) if any(late) else math.inf
+        return line
+
+
+def _own(block: Block, params: Mapping[str, float] | None) -> dict[str, float]:
+    full = {block.full_key(name): value for name, value in (params or {}).items()}
+    return {key: value for key, value in full.items() if key in block.default_parameters}
 
 
 def _rows(signals: Sequence[Signal], kind: str, labels: Sequence[str] | None, values: Any) -> np.ndarray:

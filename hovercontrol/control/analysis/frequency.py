@@ -98,7 +98,7 @@ def bode(
         As for :func:`loop_gain`.
     frequencies : array_like, shape (n,), optional
         [rad/s], positive; default two decades beyond what the loop has of poles and zeros. Of a sampled loop
-        up to Nyquist's frequency.
+        up to Nyquist's frequency; with a delay up to 8 over it.
 
     Raises
     ------

@@ -123,8 +123,9 @@ def broken(
     else:
         line = CutLoop(loop, wire).linearize(at, time, params, friction=friction, amplitude=amplitude)
         L = negative(line)
-    split = split_sampled if L.isdtime(strict=True) else split_loop
-    return Broken(*split(L), loop_margins(L))
+    gain, outside = (split_sampled if L.isdtime(strict=True) else split_loop)(L)
+    gain.up_to = math.inf if wire is None else line.up_to
+    return Broken(gain, outside, loop_margins(L))
 
 
 def unstable_poles(system: control.StateSpace) -> int:
@@ -139,9 +140,11 @@ def frequencies_of(gain: control.StateSpace, given: ArrayLike | None) -> Array:
     Raises
     ------
     InputError
-        If one is not positive, or is above Nyquist's frequency pi/h of a sampled loop.
+        If one is not positive, is above Nyquist's frequency pi/h of a sampled loop, or above the frequency up
+        to which a delay is exact.
     """
     dt = float(gain.dt) if gain.isdtime(strict=True) else 0.0
+    up_to = float(getattr(gain, "up_to", math.inf))
     if given is not None:
         omega = np.atleast_1d(np.asarray(given, dtype=float))
         if omega.ndim != 1 or not len(omega) or not (np.isfinite(omega) & (omega > 0)).all():
@@ -151,6 +154,11 @@ def frequencies_of(gain: control.StateSpace, given: ArrayLike | None) -> Array:
                 f"frequencies: expected at most Nyquist's frequency, {math.pi / dt:.6g} rad/s at a step of "
                 f"{dt:g} s, found {omega.max():g}"
             )
+        if omega.max() > up_to * (1 + 1e-9):
+            raise InputError(
+                f"frequencies: expected at most {up_to:.6g} rad/s, up to which the delay's approximation is "
+                f"exact to 1e-5, found {omega.max():g}"
+            )
         return np.sort(omega)
     roots = np.concatenate([gain.poles(), gain.zeros(), control.feedback(gain, 1).poles()])
     if dt:
@@ -159,7 +167,7 @@ def frequencies_of(gain: control.StateSpace, given: ArrayLike | None) -> Array:
     corners = np.abs(roots)
     corners = corners[np.isfinite(corners) & (corners > 1e-6) & (corners < 1e6)]
     low, high = (corners.min(), corners.max()) if len(corners) else (1.0, 1.0)
-    top = min(high * BEYOND, math.pi / dt) if dt else high * BEYOND
+    top = min(high * BEYOND, math.pi / dt if dt else math.inf, up_to)
     own = corners[corners < top]
     return np.unique(np.concatenate([np.geomspace(min(low / BEYOND, top / 10), top, POINTS), own]))
 

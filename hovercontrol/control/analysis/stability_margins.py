@@ -116,10 +116,11 @@ class Margins:
             If the loop is not known: of the worst margins along a motion, ``each`` knows theirs.
         """
         from hovercontrol.control.analysis.frequency_plots import loop_figure
+        from hovercontrol.control.analysis.open_loop import frequencies_of
 
         if self.loop is None:
             raise InputError("margins: no loop to draw; margins() and loop_margins() return it with them")
-        return open_in_pyplot(loop_figure(self.loop, self))
+        return open_in_pyplot(loop_figure(self.loop, self, frequencies_of(self.loop, None)))
 
 
 #: The names of what can be drawn over time.
@@ -171,7 +172,10 @@ def margins(
     (90.0, 0.7854, 0.5)
     """
     line = CutLoop(loop, wire).linearize(at, time, params, friction=friction, amplitude=amplitude)
-    return loop_margins(negative(line))
+    found = loop_margins(negative(line))
+    if found.loop is not None:
+        found.loop.up_to = line.up_to
+    return found
 
 
 @checked

@@ -144,12 +144,15 @@ def test_a_small_craft_on_a_long_way_is_drawn_larger():
     assert craft_of(motion_of(far), None, forces=False).arrows == ()
 
 
-@pytest.mark.parametrize(("angle", "shown"), [("rad", 0.3), ("1", np.pi / 4)])
-def test_a_machine_without_psi_shows_its_only_angle_or_its_direction_of_motion(angle, shown):
+@pytest.mark.parametrize(("angle", "shown"), [("rad", 0.3), ("1", None)])
+def test_a_machine_without_psi_shows_its_only_angle_or_is_round(angle, shown):
     """It slides at 45 deg while its angle, if it has one, stays at 0.3 rad."""
     x, y, theta, v = (hc.Signal(n, u) for n, u in (("x", "m"), ("y", "m"), ("theta", angle), ("v", "m/s")))
     slopes = {"x": v.symbol, "y": v.symbol, "theta": sp.S.Zero}
     run = hc.simulate(
         hc.Block("robot", [x, y, theta], [v], [x, y], [], slopes), [0, 1, 2], {"v": 1.0}, x0={"theta": 0.3}
     )
-    assert motion_of(run).psi == pytest.approx(shown)
+    motion, outline = motion_of(run), craft_of(motion_of(run), None).outline
+    radii = np.hypot(*outline.T)
+    assert motion.headed == (shown is not None) == (np.ptp(radii) > 0.01)
+    assert motion.psi == pytest.approx(shown or 0.0)

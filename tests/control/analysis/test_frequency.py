@@ -241,3 +241,19 @@ def test_a_wire_that_holds_a_state_is_cut_between_blocks(blocks, ahead):
                     output_expressions=pilot.output_expressions)  # fmt: skip
     with pytest.raises(hc.InputError, match=r"the signal pilot\.held_rudder under this name"):
         hc.bode(hc.interconnect([craft, slow], "heading"), "rudder", ahead)
+
+
+def test_a_bode_plot_with_a_delay_ends_where_its_approximation_does():
+    """The response of ``exp(-s T)/s`` is ``exp(-j w T)/(j w)``, on the whole default grid."""
+    v, F, T = hc.Signal("v", "m/s"), hc.Signal("F", "m/s^2"), hc.Signal("T", "s", start=0.5)
+    k = hc.Signal("k", "1/s", start=1.0)
+    plant = hc.Block("plant", [v], [F], [v], [T], {"v": F.symbol}, delays={"F": T.symbol})
+    law = hc.Block("law", [], [v], [F], [k], output_expressions={"F": -k.symbol * v.symbol})
+    found = hc.bode([plant, law], "F")
+    w = found.frequencies
+    assert w[-1] == pytest.approx(16.0)
+    assert found.magnitude * np.exp(1j * np.radians(found.phase)) == pytest.approx(
+        np.exp(-0.5j * w) / (1j * w), rel=2e-5
+    )
+    with pytest.raises(hc.InputError, match="expected at most 16 rad/s"):
+        hc.bode([plant, law], "F", frequencies=[20.0])
