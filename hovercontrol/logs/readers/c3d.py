@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -65,12 +64,6 @@ def _table(
     rate: float,
     units: dict[str, str],
 ) -> Table:
-    rows = len(next(iter(columns.values())))
-    every = {clock: start + np.arange(rows) / rate, **columns}
-
-    def load(names: Sequence[str]) -> dict[str, Any]:
-        return {n: every[n] for n in names}
-
-    table = Table(file, name, list(every), rows, load, clock, {**units, clock: "s"})
-    table.said = f"C3D ({name} at {rate:g} Hz)"
-    return table
+    times = start + np.arange(len(next(iter(columns.values())))) / rate
+    said = f"C3D ({name} at {rate:g} Hz)"
+    return Table.of(file, name, {clock: times, **columns}, clock, {**units, clock: "s"}, said)

@@ -179,6 +179,8 @@ class CsvSource:
 
     def batches(self, names: list[str], exact: Collection[str] = ()) -> Iterator[pa.RecordBatch]:
         """Read columns of numbers as float64, those in `exact` as :meth:`kind` says; text is an error."""
+        if not names:  # Arrow would give all columns
+            return
         types = {name: self._stored(name, name in exact) for name in names}
         convert = pyarrow.csv.ConvertOptions(include_columns=names, column_types=types)
         rows = 0

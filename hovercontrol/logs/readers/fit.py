@@ -6,7 +6,6 @@ of ``gps_metadata`` is named ``course``: a receiver measures the direction in wh
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -88,13 +87,6 @@ def _table(
 ) -> Table:
     clock = f"{name}/time"
     header = list(dict.fromkeys(key for _, values in rows for key in values))
-    columns: dict[str, Any] = {
-        key: np.array([values.get(key, np.nan) for _, values in rows]) for key in header
-    }
-    columns[clock] = np.array([time for time, _ in rows])
-    own = {key: units[key] for key in header if key in units} | {clock: "ns"}
-
-    def load(names: Sequence[str]) -> dict[str, Any]:
-        return {n: columns[n] for n in names}
-
-    return Table(file, name, [clock, *header], len(rows), load, clock, own, said)
+    columns: dict[str, Any] = {clock: np.array([time for time, _ in rows])}
+    columns |= {key: np.array([values.get(key, np.nan) for _, values in rows]) for key in header}
+    return Table.of(file, name, columns, clock, units | {clock: "ns"}, said)

@@ -39,10 +39,7 @@ def gpx(file: Path) -> Table:
         for name in names
     }
     units = {"time": "ns", "lat": "deg", "lon": "deg", "ele": "m"}
-    return Table(
-        file, "track", names, len(rows), lambda own: {n: columns[n] for n in own}, "time",
-        {name: unit for name, unit in units.items() if name in names}, said,
-    )  # fmt: skip
+    return Table.of(file, "track", columns, "time", units, said)
 
 
 def _point(item: Any) -> dict[str, Any]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -88,10 +87,4 @@ def _nanoseconds(values: Any, unit: int) -> Any:
 
 def _table(file: Path, name: str, columns: dict[str, Any], units: dict[str, str]) -> Table:
     clocks = [n for n in columns if n.rpartition("/")[2].rpartition(".")[2].lower() in CLOCKS]
-
-    def load(names: Sequence[str]) -> dict[str, Any]:
-        return {n: columns[n] for n in names}
-
-    rows = len(next(iter(columns.values())))
-    own = {n: units[n] for n in columns if n in units}
-    return Table(file, name or "/", list(columns), rows, load, clocks[0] if clocks else "", own)
+    return Table.of(file, name or "/", columns, clocks[0] if clocks else "", units)

@@ -77,10 +77,4 @@ def _table(file: Path, number: int, parts: Sequence[_Part]) -> Table:
         f"{prefix}{name}": np.concatenate([own[name, unit] for _, own in parts]) for name, unit in parts[0][1]
     }
     units = {f"{prefix}{name}": unit for name, unit in parts[0][1] if unit}
-
-    def load(names: Sequence[str]) -> dict[str, Any]:
-        return {name: columns[name] for name in names}
-
-    return Table(
-        file, f"segment {number}", list(columns), len(columns[clock]), load, clock, units | {clock: "s"}
-    )
+    return Table.of(file, f"segment {number}", columns, clock, units | {clock: "s"})

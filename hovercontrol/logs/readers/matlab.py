@@ -71,13 +71,4 @@ def _contents(file: Path) -> tuple[tuple[list[str], dict[str, str]], dict[str, A
 def _table(file: Path, name: str, columns: dict[str, Any], units: dict[str, str]) -> Table:
     clocks = [name for name in columns if name.rpartition(".")[2].lower() in CLOCKS]
     clock = min(clocks, key=lambda clock: CLOCKS.index(clock.rpartition(".")[2].lower()), default="")
-    rows = len(next(iter(columns.values())))
-    return Table(
-        file,
-        name,
-        list(columns),
-        rows,
-        lambda names: {n: columns[n] for n in names},
-        clock,
-        {name: units[name] for name in columns if name in units},
-    )
+    return Table.of(file, name, columns, clock, units)

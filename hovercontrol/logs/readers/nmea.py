@@ -153,8 +153,4 @@ def _table(file: Path, kind: str, data: Any, times: Any) -> Table:
     columns: dict[str, Any] = {clock: times[new]}
     columns |= {f"{kind}/{name}": data[new, k] for k, (name, _) in enumerate(fields)}
     units = {f"{kind}/{name}": unit for name, unit in fields if unit} | {clock: "ns"}
-
-    def load(names: Sequence[str]) -> dict[str, Any]:
-        return {name: columns[name] for name in names}
-
-    return Table(file, kind, list(columns), int(new.sum()), load, clock, units)
+    return Table.of(file, kind, columns, clock, units)

@@ -44,35 +44,39 @@ def qualisys(file: Path) -> Table:
             f"found DATA_INCLUDED {kind!r}"
         )
     with faults(file, "Qualisys TSV"):
-        cells = _numbers(file, first + titled)
+        cells, broken = _numbers(file, first + titled)
         lead = [n.lower() for n in head[:2]] if titled and head[0].lower() == "frame" else []
         angles = [name.lower() for name in about.get("BODY_EULER_ANGLES", [])] or list(_ANGLES)
         own = list("xyz")
         if kind == "6D":
             own += [*angles, "residual", *(f"rot[{k}]" for k in range(9))]
         columns = _named(cells, lead, owners, own)
-        rows = len(cells[0])
         if "time" not in columns:
-            columns = {"time": np.arange(rows) / float(about["FREQUENCY"][0]), **columns}
+            columns = {"time": np.arange(len(cells[0])) / float(about["FREQUENCY"][0]), **columns}
     units = {name: "mm" for name in columns if name.endswith((".x", ".y", ".z", ".residual"))}
     units |= {name: "deg" for name in columns if name.rpartition(".")[2] in angles and "." in name}
     said = f"Qualisys TSV ({kind} of {', '.join(owners[:8])}; mm, deg)"
-    return Table(
-        file, "points", list(columns), rows, lambda names: {n: columns[n] for n in names}, "time",
-        units | {"time": "s"}, said,
-    )  # fmt: skip
+    if broken:
+        said += f"; {broken} rows of another width left out"
+    return Table.of(file, "points", columns, "time", units | {"time": "s"}, said)
 
 
-def _numbers(file: Path, first: int) -> list[Any]:
-    """Return the columns that have a number."""
+def _numbers(file: Path, first: int) -> tuple[list[Any], int]:
+    """Return the columns that have a number, and how many rows have another number of cells."""
+    broken = []
+
+    def leave_out(row: Any) -> str:
+        broken.append(row.number)
+        return "skip"
+
     text = pyarrow.csv.read_csv(
         file,
         read_options=pyarrow.csv.ReadOptions(skip_rows=first, autogenerate_column_names=True),
-        parse_options=pyarrow.csv.ParseOptions(delimiter="\t"),
+        parse_options=pyarrow.csv.ParseOptions(delimiter="\t", invalid_row_handler=leave_out),
         convert_options=pyarrow.csv.ConvertOptions(null_values=["", "NULL", "NaN"]),
     )
     found = [column for column in text.columns if column.null_count < len(column)]
-    return [np.array(column.cast("float64").to_numpy()) for column in found]
+    return [np.array(column.cast("float64").to_numpy()) for column in found], len(broken)
 
 
 def _named(cells: list[Any], lead: list[str], owners: list[str], own: list[str]) -> dict[str, Any]:

@@ -67,6 +67,21 @@ class Table:
     euler: str = ""
     _loaded: dict[str, Any] = field(default_factory=dict, repr=False)
 
+    @classmethod
+    def of(
+        cls,
+        file: Path,
+        name: str,
+        columns: Mapping[str, Any],
+        clock: str,
+        units: Mapping[str, str],
+        said: str = "",
+    ) -> Table:
+        """Return a table of columns that are loaded; units of other columns are left out."""
+        rows = len(next(iter(columns.values())))
+        own = {key: unit for key, unit in units.items() if key in columns}
+        return cls(file, name, list(columns), rows, lambda n: {k: columns[k] for k in n}, clock, own, said)
+
     def columns(self, names: Sequence[str]) -> dict[str, Any]:
         """Return columns as arrays; loaded columns are cached."""
         missing = [name for name in names if name not in self._loaded]

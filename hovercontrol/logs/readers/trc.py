@@ -44,6 +44,6 @@ def trc(file: Path) -> Table:
         raise InputError(f"{file}: a TRC file: expected names of markers and rows of numbers, found none")
     data = dict(zip(names, np.array(rows).T, strict=True))
     units = dict.fromkeys(names[2:], unit) | {"time": "s"}
-    table = Table(file, "points", names, len(rows), lambda own: {n: data[n] for n in own}, "time", units)
+    table = Table.of(file, "points", data, "time", units)
     table.line, table.said = 7, f"TRC ({', '.join(markers[:8])}; lengths in {unit})"
     return table

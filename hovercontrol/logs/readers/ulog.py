@@ -34,14 +34,5 @@ def _table(file: Path, data: Any) -> Table:
     topic = data.name if data.multi_id == 0 else f"{data.name}[{data.multi_id}]"
     columns = {f"{topic}/{name}": np.asarray(values) for name, values in data.data.items()}
     clock = f"{topic}/{_CLOCK}"
-    time = columns[clock]
-    columns[clock] = time.astype(np.int64)
-    return Table(
-        file,
-        topic,
-        list(columns),
-        len(time),
-        lambda names: {n: columns[n] for n in names},
-        clock,
-        {clock: "us"},
-    )
+    columns[clock] = columns[clock].astype(np.int64)
+    return Table.of(file, topic, columns, clock, {clock: "us"})

@@ -79,12 +79,9 @@ def _section(file: Path, text: str, line: int, used: set[str]) -> Table:
     subframes = 1 + int(np.max(sub, initial=0.0, where=np.isfinite(sub) & (sub < MOST_SUBFRAMES)))
     columns: dict[str, Any] = {clock: (data[0] * subframes + sub) / rate}
     columns |= {name: data[k] for k, name in enumerate(header) if name}
-    table = Table(
-        file, section, list(columns), rows, lambda wanted: {n: columns[n] for n in wanted}, clock=clock
-    )
-    table.units = {header[k]: unit for k, unit in stated.items() if header[k]}
+    own = {header[k]: unit for k, unit in stated.items()}
+    table = Table.of(file, section, columns, clock, own, f"Vicon export ({section} at {rate:g} Hz)")
     table.line = line + 5
-    table.said = f"Vicon export ({section} at {rate:g} Hz)"
     return table
 
 
