@@ -22,10 +22,13 @@ CODE = """
 import resource, sys, time
 from hovercontrol.app.commands.options import pairs
 from hovercontrol.logs import read_log
-begin, before = time.perf_counter(), time.process_time()
+def used():
+    own, child = map(resource.getrusage, (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    return own.ru_utime + own.ru_stime + child.ru_utime + child.ru_stime, own.ru_maxrss + child.ru_maxrss
+begin, before = time.perf_counter(), used()[0]
 log = read_log(sys.argv[1], pairs(sys.argv[2]), sys.argv[3].split())
-spent, processor = time.perf_counter() - begin, time.process_time() - before
-print(len(log), spent, processor, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20)
+spent, (processor, peak) = time.perf_counter() - begin, used()
+print(len(log), spent, processor - before, peak / 2**20)
 """
 
 

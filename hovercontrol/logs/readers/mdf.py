@@ -6,6 +6,7 @@ CAN by the database beside the file (:mod:`.can`).
 
 from __future__ import annotations
 
+import weakref
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -77,8 +78,8 @@ class _Group:
         master is always time.
         """
         called = {(f"{self.name}/{name}" if name in shared else name): k for name, k in self.channels.items()}
-        own = dict(zip(called, self.channels, strict=True))
-        units = {name: self.units[own[name]] for name in called if own[name] in self.units}
+        short = dict(zip(called, self.channels, strict=True))
+        units = {name: self.units[short[name]] for name in called if short[name] in self.units}
         if self.about["timed"]:
             master, clock, said = f"{self.name}/time", f"{self.name}/time", ""
             units[master] = "s"
@@ -95,11 +96,12 @@ class _Group:
                 )
                 for n, name in enumerate(names)
             }
-            table.said = "; ".join([*filter(None, [said]), *self.said.values()])
+            own.said = "; ".join([*filter(None, [said]), *self.said.values()])
             return found
 
         rows = self.about["rows"]
         table = Table(file, self.name, [master, *called], rows, load, clock, units, said)
+        own = weakref.proxy(table)  # no circle: the process ends with the last table
         return table
 
     def _values(self, name: str, about: Mapping[str, Any], values: Any, raw: Any, invalid: Any) -> Any:

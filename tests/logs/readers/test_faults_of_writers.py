@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from hovercontrol.base.errors import ArgumentError, InputError
 from hovercontrol.logs import read_log
 from hovercontrol.logs.overview import overview
+from hovercontrol.logs.readers import apart
 from hovercontrol.logs.required_columns import RequiredColumns
 from tests.logs.readers import written_ros
 
@@ -74,12 +75,16 @@ def test_a_list_of_states_keeps_its_raw_values_and_numbers_in_labels(tmp_path) -
     assert log["u"][:3].tolist() == [0.0, 12.5, 25.0]
 
 
-def test_samples_with_an_invalidation_bit_are_missing(tmp_path) -> None:
+def test_samples_with_an_invalidation_bit_are_missing(tmp_path, monkeypatch) -> None:
     asammdf = pytest.importorskip("asammdf")
+    ended: list[object] = []
+    monkeypatch.setattr(apart, "_end", ended.append)  # the process of a file ends when it has been read
     bad = (TIME > 1.0) & (TIME < 2.0)
     x = asammdf.Signal(np.where(bad, 77.0, TIME), TIME, name="x", unit="m", invalidation_bits=bad)
     log = read_log(mdf_of(tmp_path / "a.mf4", x, asammdf.Signal(TIME, TIME, name="y", unit="m")))
     assert np.array_equal(np.isnan(log["x"]), bad) and np.array_equal(log["y"], TIME)
+    (process,) = ended
+    process.communicate()
 
 
 @pytest.mark.slow("way", "count")
