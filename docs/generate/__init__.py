@@ -14,11 +14,11 @@ from multiprocessing import get_context
 from pathlib import Path
 
 from generate import analyses, api, blocks, commands, effects, evidence, formats, gallery, scenarios, vehicles
-from generate.stamps import kept, stamp
+from generate.stamps import generators, kept, stamp
 
-#: What is written, in the order of the reference's first page, and the sources of each.
-PACKAGE = "hovercontrol", "fmu", "docs/generate"
-PLANTS = "hovercontrol/base", "hovercontrol/blocks", "hovercontrol/craft", "docs/generate"
+#: What is written, in the order of the reference's first page, and the sources of each besides its generator.
+PACKAGE = "hovercontrol", "fmu"
+PLANTS = "hovercontrol/base", "hovercontrol/blocks", "hovercontrol/craft"
 PARTS = (
     (effects, (*PLANTS, "hovercontrol/identification/diagnose/experiment")),
     (vehicles, PLANTS),
@@ -50,7 +50,7 @@ def _written(k: int, reference: Path) -> str:
     """Write a part of the reference, or keep it; return its line on the first page."""
     part, sources = PARTS[k]
     own = part.__name__.rpartition(".")[2]
-    place, now = reference / f".{own}", stamp(sources)
+    place, now = reference / f".{own}", stamp([*sources, *generators(part)])
     if line := kept(place, now):
         return line
     begin = time.monotonic()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -49,10 +50,15 @@ def _page(name: str, command: Any, path: Path) -> None:
         code(f"hovercontrol {name} {usage} [OPTIONS]".replace("  ", " ")),
         f"An example:\n\n{code('$ ' + example, 'console')}" if example else "",
         "## Arguments" if arguments else "",
-        table(("argument", "what it is"), [(f"`{p.metavar or p.name}`", p.help or "") for p in arguments]),
+        table(("argument", "what it is"), [(f"`{p.metavar or p.name}`", _plain(p)) for p in arguments]),
         "## Options",
         table(("option", "what it does"), [_option(p) for p in options]),
     )
+
+
+def _plain(p: Any) -> str:
+    """Return an option's help, which is plain text, as Markdown."""
+    return re.sub(r"([\[\]*<])", r"\\\1", p.help or "")
 
 
 def _usage(p: Any) -> str:
@@ -65,5 +71,5 @@ def _option(p: Any) -> tuple[str, str]:
     value = "" if getattr(p, "is_flag", False) else f" {p.metavar or ''}".rstrip()
     default = p.default
     told = default not in (None, "", False, ()) and not callable(default) and not isinstance(default, list)
-    text = (p.help or "") + (f" Default: {default}." if told else "")
+    text = _plain(p) + (f" Default: {default}." if told else "")
     return names + value, text

@@ -79,7 +79,7 @@ _OTHER_LOGS = (
     "In CSV these are recognised, and said in one line: commas, semicolons, tabs, bars or blanks between values; decimal commas; UTF-16; "
     "comment lines (`#`, `%`, `//`); lines above the header; units in its names (`x [mm]`, `T [degC]`) or in a line below it, which are converted to SI. Copies of the row before, and a last "
     "line without its end, are left out. Dates are those of ISO 8601, or day first with dots (31.12.2026). `True` and `False` are 1 and 0; durations are seconds (`0.5 sec`, `1 days 00:00:01`).",
-    "Parquet states units in the metadata of its columns, or pandas in `attrs`: `frame.attrs = {\"units\": {\"x\": \"mm\"}}`. HDF5 is read by the conventions of netCDF (CF): "
+    'Parquet states units in the metadata of its columns, or pandas in `attrs`: `frame.attrs = {"units": {"x": "mm"}}`. HDF5 is read by the conventions of netCDF (CF): '
     "`units`, `scale_factor`, `add_offset`, `_FillValue`, times since a date. Waveforms of TDMS begin at their `wf_start_time` if all state one.",
     "## Missing values",
     "Missing are blank and NaN cells, samples whose invalidation bit is set (MDF), points that were not seen (motion capture), the largest number of a measured field of "
