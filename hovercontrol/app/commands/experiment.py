@@ -54,6 +54,7 @@ def experiment(
 
     Diagnoses the logs as diagnose does. Where they do not tell effects apart, or forms of an unknown
     function, next_experiment.csv holds the commands of the shortest manoeuvre in which these differ enough.
+    Where something without a name remains, it holds those of the manoeuvre that shows most of it.
 
     Run the experiment and give its log to the same command with the same --out; earlier logs are used too.
     Repeat until no further experiment is proposed.

@@ -76,8 +76,8 @@ def experiment(
 
     Where the logs do not tell effects apart, or forms of an unknown function, the experiment is the shortest
     manoeuvre in which they surely differ, given what the logs already show; it states how sure the answer
-    will be. Otherwise it is the one that most reduces a large standard error of an effect
-    (:mod:`.experiment.propose`).
+    will be. Where something without a name remains, it is the one that shows most of it. Otherwise it is the
+    one that most reduces a large standard error (:mod:`.experiment.propose`).
 
     Parameters
     ----------

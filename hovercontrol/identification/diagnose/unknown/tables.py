@@ -29,7 +29,7 @@ from hovercontrol.identification.engine.prior import Prior, prior_of
 from hovercontrol.identification.engine.problem import Problem
 from hovercontrol.identification.engine.subject import Subject
 
-#: Most nodes of a table, fewest samples for each, and the part of its range by which it may fall short.
+#: Most nodes of a table, fewest samples for each, and the part of its range by which an end may be off.
 NODES, SAMPLES, SHORT = 10, 8, 0.02
 
 #: Most times that a table is spread over a new range.
@@ -163,10 +163,9 @@ def _quantiles(fit: Fit, of: Unknown) -> Array:
 
 
 def _covers(table: TableFunction, fit: Fit) -> bool:
-    """Return whether a table covers the range of its argument in a fit."""
-    reached = _quantiles(fit, table.of)[[0, -1]]
-    room = SHORT * (table.grid[-1] - table.grid[0])
-    return bool(reached[0] > table.grid[0] - room and reached[1] < table.grid[-1] + room)
+    """Return whether a table spans the range of its argument in a fit, no less and no more."""
+    ends = np.array(table.grid)[[0, -1]]
+    return bool(np.all(np.abs(_quantiles(fit, table.of)[[0, -1]] - ends) < SHORT * np.ptp(ends)))
 
 
 def _spread(table: TableFunction, near: Fit) -> TableFunction:
