@@ -28,6 +28,7 @@ from hovercontrol.identification.diagnose.unknown.tables import (
     arguments_along,
     fitted_functions,
     fitted_with,
+    span,
 )
 from hovercontrol.identification.engine.fit import Fit
 
@@ -61,9 +62,10 @@ def named_forms(
         others = [t for t in tables if t is not table]
         names = [n for n in fit.problem.names if n not in (*table.parameters, *_of(others))]
         along = arguments_along(fit, table.of.calls).ravel()
-        along = np.clip(along[np.isfinite(along)], table.grid[0], table.grid[-1])
+        low, high = span(table, fit)
+        along = np.clip(along[np.isfinite(along)], low, high)
         covariance = fit.covariance[np.ix_(own, own)]
-        at = np.linspace(table.grid[0], table.grid[-1], PLACES)
+        at = np.linspace(low, high, PLACES)
         seen = whitened(function.grid, function.values, covariance, along)
         forms = [_form(table.with_numbers(_values(fit)), fit, at)]
         evidence = [_evidence(fit, seen.of_table())]

@@ -196,6 +196,12 @@ def _error_of(fit: Fit, of: Unknown) -> float:
     return found
 
 
+def span(table: TableFunction, fit: Fit) -> tuple[float, float]:
+    """Return the ends of a table; zero for one that lies beyond zero by the argument's error."""
+    low, high, slack = table.grid[0], table.grid[-1], 0.5 * RANGE * _error_of(fit, table.of)
+    return 0.0 if -slack < low < 0.0 else low, 0.0 if 0.0 < high < slack else high
+
+
 def refuse_unseen(fit: Fit, tables: Sequence[TableFunction]) -> None:
     """Raise if the logs do not determine a function, or not beside another coefficient.
 
