@@ -2,8 +2,8 @@
 
 The function is a sum of hats with knots close together, of which the products are made once. A table, or one
 within a range and zero elsewhere, is then a sum of these hats, and its gain on left-out blocks is linear
-algebra. Of tables, and of ranges, as likely as the best, the one that acts in fewest rows is taken. The
-limits of a range are then moved between the knots next to them.
+algebra. Of tables of one kind, and of ranges, as likely as the best, the one that acts in fewest rows is
+taken. The limits of a range are then moved between the knots next to them.
 """
 
 from __future__ import annotations
@@ -22,8 +22,9 @@ from hovercontrol.identification.diagnose.criteria import CRITERIA
 if TYPE_CHECKING:
     from hovercontrol.identification.diagnose.laws.scan import Local, Scan
 
-#: Number of knots close together, and of places between two of them at which a limit may lie.
-FINE, BETWEEN = 33, 8
+#: Number of knots close together, of places between two of them at which a limit may lie, and how often the
+#: interval in which it lies is divided.
+FINE, BETWEEN, ROUNDS = 33, 8, 2
 
 #: A kind of function and the first and last knot between which it changes.
 Span: TypeAlias = tuple[str, int, int]
@@ -56,19 +57,27 @@ def placed(scan: Scan, local: Local) -> list[Local]:
     own = Factor("", local.of.signal)
     times_own = [replace(local, by=(*local.by, own))] if own not in local.by else []
     ranges = [_range(scan, one) for one in (local, *times_own)]
-    return [_table(scan, local), *(one for one in ranges if one)]
+    return [*_tables(scan, local), *(one for one in ranges if one)]
 
 
-def _table(scan: Scan, local: Local) -> Local:
-    """Return a function as a table, with less than its gain: of its five values a range has one."""
+def _tables(scan: Scan, local: Local) -> list[Local]:
+    """Return a function as tables, zero below, above or on both sides, of those as likely as the best.
+
+    Their gains are lessened, since a range has one value where a table has five.
+    """
     at, G, f = _fine(scan, local)
 
     def gain(span: Span) -> float:
         kind, i, j = span
         return scan.gain_of(G, f, _table_hats(kind, at, at[i], at[j]))
 
-    (kind, i, j), most = _best(gain, [(kind, i, j) for kind in TABLES for i, j in _pairs(at.size)], at.size)
-    return replace(local, kind=kind, ends=(float(at[i]), float(at[j])), gain=most - CRITERIA.apart)
+    best = [_best(gain, [(kind, i, j) for i, j in _pairs(at.size)], at.size) for kind in TABLES]
+    least = max(found for _, found in best) - CRITERIA.apart
+    return [
+        replace(local, kind=kind, ends=(float(at[i]), float(at[j])), gain=found - CRITERIA.apart)
+        for (kind, i, j), found in best
+        if found >= least
+    ]
 
 
 def _fine(scan: Scan, local: Local) -> tuple[Array, Array, Array]:
@@ -125,22 +134,23 @@ def _with_limits(scan: Scan, local: Local, at: Array, i: int, j: int) -> Local:
     rises = (float(at[i - 1]), float(at[i])) if i > 0 else None
     falls = (float(at[j]), float(at[j + 1])) if j < n - 1 else None
 
-    def best(
-        tried: list[tuple[float, float]], other: Array, sign: float
-    ) -> tuple[float, tuple[float, float]]:
-        columns = np.stack([other + sign * hats(a, np.array(one))[1] for one in tried])
-        ((_, G, f),) = scan.products([(local.by, local.of, columns)])
-        gains = [scan.gain_of(G, f, row[None]) for row in np.eye(len(tried))]
-        k = int(np.argmax(gains))
-        return gains[k], tried[k]
+    def moved(step: tuple[float, float], other: Array, sign: float) -> tuple[float, tuple[float, float]]:
+        gain = local.gain
+        for _ in range(ROUNDS):
+            tried = _steps(a, *step)
+            columns = np.stack([other + sign * hats(a, np.array(one))[1] for one in tried])
+            ((_, G, f),) = scan.products([(local.by, local.of, columns)])
+            gains = [scan.gain_of(G, f, row[None]) for row in np.eye(len(tried))]
+            gain, step = max(gains), tried[int(np.argmax(gains))]
+        return gain, step
 
     gain = local.gain
     if rises:
         later = hats(a, np.array(falls))[1] if falls else np.zeros_like(a)
-        gain, rises = best(_steps(a, *rises), -later, 1.0)
+        gain, rises = moved(rises, -later, 1.0)
     if falls:
         earlier = hats(a, np.array(rises))[1] if rises else np.ones_like(a)
-        gain, falls = best(_steps(a, *falls), earlier, -1.0)
+        gain, falls = moved(falls, earlier, -1.0)
     kind = "between" if rises and falls else "above" if rises else "below"
     return replace(local, kind=kind, ends=(*(rises or ()), *(falls or ())), gain=gain)
 

@@ -36,7 +36,7 @@ from hovercontrol.identification.engine.data import Data
 from hovercontrol.identification.engine.fit import Fit
 from hovercontrol.identification.engine.subject import Subject, structure
 
-#: Forms of few numbers that are fitted in place of a function, and number of functions for which they are.
+#: Forms of few numbers that are fitted in place of a table.
 FORMS = 2
 
 #: Standard deviation of a given coefficient, as a part of that of the prior, when readings of the same logs
@@ -213,14 +213,17 @@ def _fitted(search: Search, final: Fit, found: Sequence[tuple[Local, Array]]) ->
     fits += _of_functions(
         search, final, [(one, along[one.of.signal]) for one in scan.placed([*kinds.values()])]
     )
-    fits.sort(key=lambda one: criteria.penalised(one[0].fit))
+    fits.sort(key=lambda one: _cost(one[0].fit, criteria))
     pool = [t for t, _, _ in fits]
     least = criteria.penalised(fits[0][0].fit) + criteria.apart
     ranges = [one for t, one, _ in fits if one.complement() and criteria.penalised(t.fit) < least]
     pool += [other for one in ranges[:1] for way in one.complement() if (other := _added(search, final, way))]
-    tables = [(t, one, values) for t, one, values in fits if isinstance(t.effect, TableLaw)]
-    for t, one, values in tables[:FORMS]:
-        if any(only_noise(t.fit, criteria) for t in pool if not isinstance(t.effect, TableLaw)):
+    tables = {
+        one.kind: (t, one, values) for t, one, values in reversed(fits) if isinstance(t.effect, TableLaw)
+    }
+    for t, one, values in tables.values():  # the likeliest of each kind
+        best = min(pool, key=lambda t: _cost(t.fit, criteria))
+        if not isinstance(best.effect, TableLaw) and only_noise(best.fit, criteria):
             break
         law = t.fit.model.effect(t.name)
         assert isinstance(law, TableLaw)

@@ -54,7 +54,7 @@ TOGETHER = 64
 
 #: Number of functions whose ends are sought, the part of the largest gain that they have at least, and how
 #: many are fitted.
-FEW, NEAR, FITTED = 6, 0.3, 4
+FEW, NEAR, FITTED = 6, 0.3, 6
 
 
 @checked
@@ -161,7 +161,7 @@ class Local:
         """Return the names of laws of few numbers with a form in place of a table."""
         signal, by = self.of.signal, self.by
         own = Factor("", signal)
-        rest = tuple(f for f in by if f != own)
+        rest = tuple(f for f in by if f.signal != signal)
         curves = [c for c in CURVES if not (self.of.of_abs and c == "beyond")]
         found = [(*by, Factor(curve, signal, self.of.of_abs)) for curve in curves]
         found += [(*by, Factor(power, signal)) for power in ("abs", "sqr")]
