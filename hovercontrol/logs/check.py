@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Container
 from dataclasses import dataclass
 
 import numpy as np
@@ -104,13 +105,14 @@ def check_time(file: str, source: Source, column: str, time: Floats, firsts: Row
     )
 
 
-def check_days(file: str, column: str, time: Floats) -> None:
+def check_days(file: str, column: str, time: Floats, known: Container[str]) -> None:
     """Raise if a time is a serial date in days, as Excel and MATLAB count them from 1900 and from 0.
 
-    In seconds its rows would be faster than ``PLAUSIBLE.rate``; in days they are not.
+    In seconds its rows would be faster than ``PLAUSIBLE.rate``; in days they are not. A unit of ``time`` that
+    is among the `known` ones is not doubted.
     """
     steps = np.diff(time)
-    if not steps.size or not 0.0 < np.median(steps) < 1.0 / PLAUSIBLE.rate:
+    if "time" in known or not steps.size or not 0.0 < np.median(steps) < 1.0 / PLAUSIBLE.rate:
         return
     if any(low <= time[0] <= high for low, high in SERIAL_DATES):
         raise InputError(

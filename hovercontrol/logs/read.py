@@ -184,13 +184,12 @@ def _read_source(
     firsts = trial_rows(data["time"], data.get(trial))
     copies = copied_rows(data)
     check_time(str(file), source, names["time"], data["time"], firsts, copies)
+    check_days(str(file), names["time"], data["time"], conversions)
     left_out: list[str] = []
     if copies.size:
         left_out = [f"{file}: {copies.size:,} copies of the row before: left out"]
         firsts = firsts - np.searchsorted(copies, firsts)
         data = {name: np.delete(column, copies) for name, column in data.items()}
-    if "time" not in conversions:
-        check_days(str(file), names["time"], data["time"])
     if "psi" in data:
         check_heading(str(file), names["psi"], data["time"], data["psi"], data.get("r"))
     log = _log(file.name, data, firsts, trial)

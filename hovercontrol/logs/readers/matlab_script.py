@@ -32,13 +32,7 @@ def _vectors(name: str, value: Any, units: dict[str, str]) -> Iterator[tuple[str
     if hasattr(value, "columns"):  # a table or a timetable
         yield from _frame(name, value, units)
     elif isinstance(value, np.ndarray) and value.dtype.names:
-        fields = {key: [one[key] for one in value.flat] for key in value.dtype.names}
-        for key, each in fields.items():
-            if len(each) > 1 and all(_is_scalar(one) for one in each):
-                yield f"{name}.{key}", np.array([np.asarray(one).item() for one in each], dtype=float)
-            elif len(each) <= WIDEST:
-                for k, one in enumerate(each):
-                    yield from _vectors(f"{name if len(each) == 1 else f'{name}({k + 1})'}.{key}", one, units)
+        yield from _fields(name, value, units)
     elif isinstance(value, np.ndarray) and value.dtype.kind == "O" and value.size <= WIDEST:  # cells
         for k, one in enumerate(value.flat):
             yield from _vectors(name if value.size == 1 else f"{name}({k + 1})", one, units)
@@ -50,6 +44,17 @@ def _vectors(name: str, value: Any, units: dict[str, str]) -> Iterator[tuple[str
         yield name, value.ravel().astype("datetime64[ns]").astype(np.int64)
     elif isinstance(value, np.ndarray) and value.dtype.kind in "biuf" and max(value.shape, default=0) > 1:
         yield from _columns(name, value)
+
+
+def _fields(name: str, value: Any, units: dict[str, str]) -> Iterator[tuple[str, Any]]:
+    """Yield the vectors in a struct or an array of structs."""
+    for key in value.dtype.names:
+        each = [one[key] for one in value.flat]
+        if len(each) > 1 and all(_is_scalar(one) for one in each):
+            yield f"{name}.{key}", np.array([np.asarray(one).item() for one in each], dtype=float)
+        elif len(each) <= WIDEST:
+            for k, one in enumerate(each):
+                yield from _vectors(f"{name if len(each) == 1 else f'{name}({k + 1})'}.{key}", one, units)
 
 
 def _columns(name: str, value: Any) -> Iterator[tuple[str, Any]]:

@@ -26,15 +26,7 @@ def qualisys(file: Path) -> Table:
     InputError
         If the header lacks the names of bodies or markers, or the rows are damaged.
     """
-    about: dict[str, list[str]] = {}
-    first = 0
-    with file.open(encoding="utf-8-sig", errors="replace") as stream:
-        for first, line in enumerate(stream):  # noqa: B007  (its last value is used)
-            key, *values = line.rstrip("\r\n").split("\t")
-            if not key.strip().isupper() and not key.startswith("BODY"):
-                break
-            about[key.strip()] = [value.strip() for value in values if value.strip()]
-    head = [key.strip(), *(value.strip() for value in values)]
+    about, first, head = _header(file)
     titled = any(cell and not _is_number(cell) for cell in head)
     kind = " ".join(about.get("DATA_INCLUDED", []))
     owners = about.get("BODY_NAMES" if kind == "6D" else "MARKER_NAMES", [])
@@ -59,6 +51,18 @@ def qualisys(file: Path) -> Table:
     if broken:
         said += f"; {broken} rows of another width left out"
     return Table.of(file, "points", columns, "time", units | {"time": "s"}, said)
+
+
+def _header(file: Path) -> tuple[dict[str, list[str]], int, list[str]]:
+    """Return the values in the header by their keys, the number of its lines, and the cells below it."""
+    about: dict[str, list[str]] = {}
+    with file.open(encoding="utf-8-sig", errors="replace") as stream:
+        for number, line in enumerate(stream):
+            cells = [cell.strip() for cell in line.split("\t")]
+            if not cells[0].isupper():
+                return about, number, cells
+            about[cells[0]] = [cell for cell in cells[1:] if cell]
+    return about, 0, []
 
 
 def _numbers(file: Path, first: int) -> tuple[list[Any], int]:

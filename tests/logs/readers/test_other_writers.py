@@ -168,7 +168,8 @@ def test_a_motive_export_without_titles_of_its_rows(tmp_path: Path) -> None:
 
 
 def test_qualisys_exports_are_in_mm_and_degrees(tmp_path: Path) -> None:
-    head = "NO_OF_FRAMES\t200\nFREQUENCY\t50\nDATA_INCLUDED\t{}\n{}\n"
+    head = "NO_OF_FRAMES\t200\nFREQUENCY\t50\n" + "TIME_STAMP\t2026-05-01, 10:00:00\n" * 2
+    head += "DATA_INCLUDED\t{}\n{}\n"
     turns = Rotation.from_rotvec(np.outer(PSI, [0.0, 0.0, 1.0])).as_matrix()
     bodies, markers = [], []
     for k, (t, x, y, p) in enumerate(zip(TIME, X, Y, PSI, strict=True)):
