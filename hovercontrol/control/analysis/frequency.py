@@ -14,13 +14,13 @@ from numpy.typing import ArrayLike, NDArray
 from hovercontrol.base.arrays import Array
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.pyplot import open_in_pyplot
+from hovercontrol.control.analysis.frequency_grid import frequencies_of
 from hovercontrol.control.analysis.loop_modes import OutsideModes
 from hovercontrol.control.analysis.open_loop import (
     At,
     Loop,
     Slope,
     broken,
-    frequencies_of,
     response_of,
     unstable_poles,
 )

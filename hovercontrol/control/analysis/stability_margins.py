@@ -115,8 +115,8 @@ class Margins:
         InputError
             If the loop is not known: of the worst margins along a motion, ``each`` knows theirs.
         """
+        from hovercontrol.control.analysis.frequency_grid import frequencies_of
         from hovercontrol.control.analysis.frequency_plots import loop_figure
-        from hovercontrol.control.analysis.open_loop import frequencies_of
 
         if self.loop is None:
             raise InputError("margins: no loop to draw; margins() and loop_margins() return it with them")
