@@ -57,6 +57,7 @@ def test_the_scan_finds_the_signal_and_where_the_drag_acts(fit):
     assert best.ends[0] == pytest.approx(1.2, abs=0.1)
 
 
+@pytest.mark.slow
 def test_what_begins_with_a_step_is_a_range_and_the_given_coefficients_tell_on_which_side():
     found = base_fit(model(), gather(model(), [driven(3, lambda s: 0.4 * s * (s < -1.0))]))
     scan = Scan(found, "v")
