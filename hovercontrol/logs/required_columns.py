@@ -150,10 +150,14 @@ def suggested(wanted: Mapping[str, str], names: Sequence[str], units: Mapping[st
         fitting = [n for n, d in free.items() if d == own]
         if len(fitting) == 1 and list(open_signals.values()).count(own) == 1:
             found[ours] = fitting[0]
-    plain = {o for o, n in found.items() if n in units or of[n] == wanted[o]}
-    plain |= {o for o, n in found.items() if _dimension(of[n]) is None}
-    plain |= {o for o, n in found.items() if wanted[o] and _dimension(of[n]) != _dimension(wanted[o])}
-    return {o: n if o in plain else f"{n}:{of[n]}" for o, n in found.items()}
+    return {o: n if n in units else _with_unit(n, of[n], wanted[o]) for o, n in found.items()}
+
+
+def _with_unit(name: str, unit: str, wanted: str) -> str:
+    """Return a column with the unit that its name states, where it has to be converted."""
+    own = _dimension(unit)
+    same = unit == wanted or own is None or (wanted and own != _dimension(wanted))
+    return name if same else f"{name}:{unit}"
 
 
 def _after_underscores(name: str) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -77,12 +77,7 @@ def challenged(search: Search, selection: Selection) -> Selection:
         now = confirmed(search, base, final, effects, counts)
         effects, final, dropped = list(now.own), now.final, [*dropped, *now.dropped]
         rivals, others = _rivals(search, selection, now)
-        chance = _chance(search, selection)
-        cheaper = [
-            (n, t)
-            for n, t in others
-            if _cost(search, t.fit) < _cost(search, now.own[n].fit) or _only_imitates(now.own[n], t, chance)
-        ]
+        cheaper = _cheaper(search, selection, now, others)
         if cheaper and swaps < ROUNDS:
             name, t = cheaper[0]
             effects[effects.index(name)], final = t.name, t.fit
@@ -116,6 +111,18 @@ def challenged(search: Search, selection: Selection) -> Selection:
         dropped=tuple(dropped),
         alternatives=tuple(others),
     )
+
+
+def _cheaper(
+    search: Search, selection: Selection, now: Confirmed, others: Sequence[tuple[str, Tried]]
+) -> list[tuple[str, Tried]]:
+    """Return the effects that are likelier than the named one, or that the named one only imitates."""
+    chance = _chance(search, selection)
+    return [
+        (n, t)
+        for n, t in others
+        if _cost(search, t.fit) < _cost(search, now.own[n].fit) or _only_imitates(now.own[n], t, chance)
+    ]
 
 
 def _cost(search: Search, fit: Fit) -> float:
