@@ -35,7 +35,7 @@ class ProposalCriteria:
     sure : float
         Probability that the logs then tell the right one of the rivals at which no longer one is tried.
     worth : float
-        The same probability below which no manoeuvre is proposed.
+        Probability that they exclude one of the rivals below which no manoeuvre is proposed.
     badly : float
         Relative standard error above which a coefficient is to be estimated better.
     sharper : float
@@ -86,16 +86,19 @@ class Benefit:
     value : float
         What is maximised.
     gain : float
-        Expected difference of twice the log likelihood from the likeliest rival.
+        Expected difference of twice the log likelihood from a rival.
     manoeuvre : Manoeuvre
     seen : Data
         Its predicted log.
+    rival : int
+        Position of that rival, the one that it tells apart best.
     """
 
     value: float
     gain: float
     manoeuvre: Manoeuvre
     seen: Data
+    rival: int = 0
 
 
 def best_of(

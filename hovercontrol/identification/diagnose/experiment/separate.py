@@ -88,11 +88,14 @@ def separate(
                 return None
             gains.append(gain if theirs is None else min(gain, left(one, theirs)))
         sure = [assurance(gain, o.behind) for gain, o in zip(gains, others, strict=True)]
-        return Benefit(float(np.average(sure, weights=weights)), gains[0], manoeuvre, mine)
+        k = int(np.argmax(sure))
+        return Benefit(float(np.average(sure, weights=weights)), gains[k], manoeuvre, mine, k)
 
     best = best_of(one, benefit, search, LENGTHS)
-    second = others[0].name
-    if best is None or best.value < PROPOSAL.worth:
+    rival = others[best.rival if best else 0]
+    second = rival.name
+    # a rival that nothing tells apart is no reason to keep the others
+    if best is None or assurance(best.gain, rival.behind) < PROPOSAL.worth:
         found = f" ({percent(best.value)} sure, by {best.manoeuvre.name})" if best else ""
         return f"no manoeuvre within the limits distinguishes {name} from {second}{found}"
     text = (
@@ -128,7 +131,7 @@ def left(rival: Fit, seen: Data) -> float:
     """Return the misfit of a rival to the noise-free simulation of the other model.
 
     Its coefficients are fitted to the simulation and to the logs so far, of information I:
-    ``|w0|^2 - g'(I + S)^-1 g`` (:func:`_added`).
+    ``|w0|^2 - g'(I + S)^-1 g`` (:func:`.added`).
     """
     rest, S, g = added(rival, seen)
     if not np.isfinite(rest):
