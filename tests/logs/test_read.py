@@ -125,7 +125,7 @@ def test_parquet_rows_count_from_one(tmp_path: Path) -> None:
          "time=t_ms:ms,thrust=thrust_A,rudder=rudder_deg:deg,x=NAME,y=NAME,psi=heading_deg:deg"),
         ("Zeit [ms];Pos X [mm];Pos Y [mm];Kurs;Thrust;Ruder [deg]",
          "'time=Zeit,thrust=Thrust,rudder=Ruder,x=Pos X,y=Pos Y,psi=NAME'"),
-        ("stamp_s;u;v;r;motor;servo_deg;yaw_deg", "time=NAME,thrust=NAME,rudder=NAME"),
+        ("stamp_s;u;v;r;motor;servo_deg;yaw_deg", "time=stamp_s,thrust=NAME,rudder=NAME"),
     ],
 )  # fmt: skip
 def test_all_columns_that_lack_are_proposed_at_once(tmp_path: Path, header: str, option: str) -> None:
