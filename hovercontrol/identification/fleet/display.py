@@ -25,8 +25,8 @@ from hovercontrol.identification.fleet.trends import LEAST, Trend
 if TYPE_CHECKING:
     from hovercontrol.identification.fleet.fleet import Common, Fleet
 
-#: Refused logs that are listed for one reason, and craft up to which each one's value is told in a sentence.
-SHOWN, FEW = 5, 4
+#: Refused logs that are listed for one reason.
+SHOWN = 5
 
 _STYLE = """<style>
 .fleet td, .fleet th { padding: .15rem .5rem; text-align: right; white-space: nowrap; border: 0; }
@@ -112,8 +112,8 @@ def _change(t: Trend, unit: str) -> str:
 
 def _few(fleet: Fleet) -> Iterator[str]:
     """Yield what differs between craft that are too few to judge one by the others."""
-    few = [c for c in fleet.coefficients if 1 < len(c.craft) <= FEW and not np.isfinite(c.q).any()]
-    differ = [c for c in few if c.q_differ <= LEVEL]
+    few = [c for c in fleet.coefficients if c.few]
+    differ = [c for c in few if c.differs]
     for c in differ:
         each = ", ".join(f"{n} {_pm(v, s)}" for n, v, s in zip(c.craft, c.of.own, c.of.own_std, strict=True))
         yield f"{c.name} differs between craft: {each} {c.unit}"

@@ -64,6 +64,16 @@ class Coefficient:
             c for c, q, in_ in zip(self.craft, self.q, self.of.belongs, strict=True) if q <= LEVEL and not in_
         )
 
+    @property
+    def few(self) -> bool:
+        """Whether its craft are several, and too few to set one apart by the others."""
+        return len(self.craft) > 1 and not np.isfinite(self.q).any()
+
+    @property
+    def differs(self) -> bool:
+        """Whether it differs between craft that are few; many craft of one kind always differ a little."""
+        return self.few and self.q_differ <= LEVEL
+
 
 def coefficients(results: Sequence[Result]) -> list[Coefficient]:
     """Return every coefficient that logs determine, with what differs between craft and over time."""

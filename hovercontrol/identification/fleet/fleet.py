@@ -28,7 +28,6 @@ from hovercontrol.identification.fleet.findings import (
     middle_values,
     suspects,
 )
-from hovercontrol.identification.fleet.random_effects import LEVEL
 from hovercontrol.identification.fleet.run import Report, Store, each_of, executor, key_of, model_text, run
 from hovercontrol.identification.fleet.sources import By, bare_reason, digest, file_name, find
 from hovercontrol.identification.fleet.worker import Work
@@ -142,7 +141,7 @@ class Fleet:
     @property
     def negative(self) -> bool:
         """Whether something is to be looked at: a fault, a change, a missing effect, an unused log."""
-        off = any(c.off or c.trends or c.unlike or c.q_differ <= LEVEL for c in self.coefficients)
+        off = any(c.off or c.trends or c.unlike or c.differs for c in self.coefficients)
         return off or bool(self.common or self.refused) or any(f.get("effects") for f in self.faults.values())
 
     def to_json(self) -> dict[str, Any]:
