@@ -219,6 +219,14 @@ def hidden(m: Machine, kind: str, rng: np.random.Generator, p: Mapping[str, floa
     if kind == "one_way":
         way, size = ("v" if name_of(m) != "cart" else s), 0.6 * a
         return Hidden(lambda x: {way: -size * min(x[way], 0.0)}, lambda x: x[way] < 0.0, (way,), way)
+    if kind == "tent":
+        at, wide, size = rng.uniform(0.5, 0.8) * U, 0.2 * U, 0.35 * a
+        return Hidden(
+            lambda x: {s: -size * max(1.0 - abs(x[s] - at) / wide, 0.0)},
+            lambda x: abs(x[s] - at) < wide,
+            (s,),
+            s,
+        )
     low, wide, size = rng.uniform(-1.0, 0.0), 1.5, 0.6 * a
     return Hidden(
         lambda x: {s: -size * x[s] * (low < x[m.place] < low + wide)},
@@ -227,6 +235,9 @@ def hidden(m: Machine, kind: str, rng: np.random.Generator, p: Mapping[str, floa
 
 
 KINDS = ("hump", "drag_above", "drag_fades", "stall", "torque_above", "weak_below", "one_way", "rough_place")
+
+#: A hump of a shape that no form has.
+ALL = (*KINDS, "tent")
 
 
 def name_of(m: Machine) -> str:
@@ -286,7 +297,7 @@ def inside(regions: Sequence[Mapping[str, Any]], rows: Signals) -> Array:
 def case(machine: str, kind: str, seed: int, seconds: float) -> dict[str, Any]:
     """Return the figures of one case."""
     m = MACHINES[machine]
-    rng = np.random.default_rng([SEED, seed, list(MACHINES).index(machine), KINDS.index(kind)])
+    rng = np.random.default_rng([SEED, seed, list(MACHINES).index(machine), ALL.index(kind)])
     p = {k: v * (1 + rng.uniform(-0.15, 0.15)) for k, v in m.nominal.items()}
     e = hidden(m, kind, rng, p)
     made = [log(m, f"{which}.csv", rng, p, e, seconds) for which in ("one", "two", "hold")]
@@ -320,7 +331,7 @@ def main() -> None:
     """Run the cases and print the figures."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--machines", nargs="+", default=list(MACHINES), choices=list(MACHINES))
-    parser.add_argument("--effects", nargs="+", default=list(KINDS), choices=KINDS)
+    parser.add_argument("--effects", nargs="+", default=list(KINDS), choices=ALL)
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--first", type=int, default=0, help="the first seed")
     parser.add_argument("--seconds", type=float, default=60.0, help="length of each log")

@@ -127,14 +127,16 @@ def newton(problem: Problem, prior: Prior, p: Array, S: Array, g: Array) -> tupl
     """
     # Minimise |w0 + J dz|^2 + (z + dz - c)' Lambda (z + dz - c), Lambda and c of the prior:
     #   (S + Lambda) dz = g - Lambda (z - c)
-    # An unknown at a bound leaves the free set if the step would cross that bound.
+    # An unknown at a bound leaves the free set if the step would cross that bound. One of which the logs tell
+    # nothing to working precision does not move: its step would be a rounding error over almost zero.
     z, P = problem.inside(p), len(p)
     total, slope = S.sum(axis=0), g.sum(axis=0)
     total[range(P), range(P)] += prior.precision
     total[range(P, len(slope)), range(P, len(slope))] += 1.0
     slope[:P] -= prior.slope(z)
     free = np.ones(len(slope), dtype=bool)
-    free[:P] = ~problem.held(p, slope[:P])
+    known = np.diag(total)[:P]
+    free[:P] = ~problem.held(p, slope[:P]) & (known > np.finfo(float).eps * known.max(initial=0.0))
     dz = np.zeros(len(slope))
     for _ in range(P + 1):
         dz[:] = 0.0
