@@ -7,17 +7,16 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
 from html import escape
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from markupsafe import Markup
-from scipy.stats import chi2
 
 from hovercontrol.base.html import fold
 from hovercontrol.base.percent import percent
 from hovercontrol.base.svg import Plot
 from hovercontrol.identification.diagnose.report.page import page as html_page
-from hovercontrol.identification.fleet.findings import Coefficient, left
+from hovercontrol.identification.fleet.findings import Coefficient, left, scattered
 from hovercontrol.identification.fleet.random_effects import LEVEL
 from hovercontrol.identification.fleet.sources import DATED, bare_reason, file_name
 from hovercontrol.identification.fleet.trends import LEAST, Trend
@@ -122,24 +121,10 @@ def _few(fleet: Fleet) -> Iterator[str]:
 
 
 def _scattered(fleet: Fleet) -> Iterator[str]:
-    """Yield what differs between logs of one craft that are too few for a change over time.
-
-    If all n logs had one value, the sum of their squared deviations over their variances would be chi-squared
-    of n - 1 degrees of freedom. The level is shared by all tests (Bonferroni).
-    """
-    used = [r for r in fleet.results.values() if "refused" not in r]
-    rows: dict[tuple[str, str], list[dict[str, Any]]] = {}
-    for r in used:
-        for c in r.get("coefficients", ()):
-            if c["std"]:
-                rows.setdefault((r["craft"], c["name"]), []).append(c)
-    few = {key: own for key, own in rows.items() if 1 < len(own) < LEAST}
-    for (craft, name), own in few.items():
-        y, std = (np.array([c[key] for c in own]) for key in ("value", "std"))
-        mean = np.average(y, weights=std**-2)
-        if chi2.sf((((y - mean) / std) ** 2).sum(), len(y) - 1) <= LEVEL / len(few):
-            values = f"{y.min():.4g} to {y.max():.4g} {own[0]['unit']}"
-            yield f"{craft}: {name} differs between its {len(y)} logs: {values}"
+    """Yield what differs between logs of one craft that are too few for a change over time."""
+    for craft, name, values, unit in scattered(fleet.results.values()):
+        seen = f"{values.min():.4g} to {values.max():.4g} {unit}"
+        yield f"{craft}: {name} differs between its {values.size} logs: {seen}"
 
 
 def _every(fleet: Fleet) -> Iterator[str]:

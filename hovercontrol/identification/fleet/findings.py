@@ -101,6 +101,32 @@ def coefficients(results: Sequence[Result]) -> list[Coefficient]:
     ]
 
 
+def scattered(results: Iterable[Result]) -> list[tuple[str, str, Array, str]]:
+    """Return what differs between logs of one craft that are too few for a change over time.
+
+    If all n logs had one value, the sum of their squared deviations over their variances would be chi-squared
+    of n - 1 degrees of freedom. The level is shared by all tests (Bonferroni).
+
+    Returns
+    -------
+    list of (str, str, ndarray, str)
+        Craft, coefficient, its values in the logs, and their unit.
+    """
+    rows: dict[tuple[str, str], list[Mapping[str, Any]]] = {}
+    for r in results:
+        for c in r.get("coefficients", ()):
+            if c["std"]:
+                rows.setdefault((r["craft"], c["name"]), []).append(c)
+    few = {key: own for key, own in rows.items() if 1 < len(own) < trends.LEAST}
+    found = []
+    for (craft, name), own in few.items():
+        y, std = (np.array([c[key] for c in own]) for key in ("value", "std"))
+        mean = np.average(y, weights=std**-2)
+        if stats.chi2.sf((((y - mean) / std) ** 2).sum(), y.size - 1) <= LEVEL / len(few):
+            found.append((craft, name, y, own[0]["unit"]))
+    return found
+
+
 def _significant(found: Sequence[Coefficient]) -> set[tuple[str, str]]:
     every = [(c.name, craft) for c in found for craft in c.trends]
     p = np.array([c.trends[craft].p for c in found for craft in c.trends])

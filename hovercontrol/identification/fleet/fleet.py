@@ -26,6 +26,7 @@ from hovercontrol.identification.fleet.findings import (
     lacking,
     left,
     middle_values,
+    scattered,
     suspects,
 )
 from hovercontrol.identification.fleet.run import Report, Store, each_of, executor, key_of, model_text, run
@@ -142,6 +143,7 @@ class Fleet:
     def negative(self) -> bool:
         """Whether something is to be looked at: a fault, a change, a missing effect, an unused log."""
         off = any(c.off or c.trends or c.unlike or c.differs for c in self.coefficients)
+        off = off or bool(scattered(self.results.values()))
         return off or bool(self.common or self.refused) or any(f.get("effects") for f in self.faults.values())
 
     def to_json(self) -> dict[str, Any]:

@@ -184,7 +184,9 @@ def test_logs_of_one_folder_are_one_craft_and_their_differences_are_told(tmp_pat
     logs = []
     for k, file in enumerate(sorted(tmp_path.glob("cart*/*.csv"))):
         logs.append(str(file.rename(tmp_path / f"cart{k}.csv")))
-    said = fleet(CART, logs, out=tmp_path / "out").text()
+    together = fleet(CART, logs, out=tmp_path / "out")
+    said = together.text()
+    assert together.negative and not fleet(CART, logs[:3], out=tmp_path / "alike").negative
     assert f"{tmp_path.name}: k differs between its {len(logs)} logs: 0." in said and " to 1." in said
     assert f"all logs count as one craft, {tmp_path.name}; --by '([^/]+)[.]'" in said
     apart = fleet(CART, logs, by="([^/]+)[.]", out=tmp_path / "apart")
