@@ -170,14 +170,22 @@ def _tried(name: str, fit: Fit, current: Fit) -> Tried:
 def in_other_noise(search: Search, current: Fit, t: Tried) -> Tried | None:
     """Return a fit with its likeliest correlation times, compared with the model without it at these times.
 
-    None if they are no likelier than those of the model without the effect.
+    None if they are no likelier than those of the model without the effect, or if the effect does not score
+    what is asked for under the noise that they make: a fit alone may gain by a shape that suits a few rows.
     """
     timed = with_times(search, t)
     if timed.fit.cost > t.fit.cost - CONVERGENCE.settled:
         return None
-    less = search.fit(replace(current, noise=timed.fit.noise), current.model)
-    gain = min(current.cost, less.cost) - timed.fit.cost
-    return replace(timed, gain=gain, blocks=agreement(timed.fit, current, t.name))
+    own = replace(current, noise=timed.fit.noise)
+    likelier = min(current.cost, search.fit(own, current.model).cost)
+    try:
+        less = refit(own, current.problem, current.prior, levels=False, times=False)
+    except FloatingPointError:
+        return None
+    score = Scores(less, candidates(less, [t.name])).best()[0].gain - (less.cost - likelier)
+    if score < TRIALS.promised * search.criteria.least:
+        return None
+    return replace(timed, gain=likelier - timed.fit.cost, blocks=agreement(timed.fit, current, t.name))
 
 
 def _added(
