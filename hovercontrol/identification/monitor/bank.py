@@ -67,9 +67,11 @@ class Bank:
         s at the start of each window, by window and candidate.
     Psi : list of sympy.Matrix
         Psi of each window, before the next tick.
+    forced, lost : list of sympy.Matrix
+        g of each candidate, and the error after this tick's measurements by its b alone.
     pushes, jolts : list of sympy.Matrix
         Change of s, and of the innovations divided by their standard deviations, by the tick itself, by
-        candidate: ``s <- M s + push``, ``eta = C s + jolt``.
+        candidate: ``s <- M s + push``, ``push = g + Phi lost``, ``eta = C s + jolt``.
     A, M, C : sympy.Matrix, shape (n, n), (n, n) and (m, n)
         Error after this tick's measurements, error before the next tick, and innovations divided by their
         standard deviations, by the error before this tick.
@@ -92,6 +94,8 @@ class Bank:
     after: list[sp.Matrix]
     begun: list[list[sp.Matrix]]
     Psi: list[sp.Matrix]
+    forced: list[sp.Matrix]
+    lost: list[sp.Matrix]
     pushes: list[sp.Matrix]
     jolts: list[sp.Matrix]
     A: sp.Matrix
@@ -204,6 +208,8 @@ def write_bank(
         after=[c.after for c in columns],
         begun=[w.begun for w in found],
         Psi=[w.Psi for w in found],
+        forced=list(forced),
+        lost=[c.lost for c in columns],
         pushes=[c.push for c in columns],
         jolts=[c.jolt for c in columns],
         A=A,
@@ -235,10 +241,11 @@ class _Memory:
 
 @dataclass(frozen=True)
 class _Column:
-    """s of a candidate before and after the tick, its push and jolt, and eta since the start."""
+    """s of a candidate before and after the tick, lost, push and jolt, and eta since the start."""
 
     s: sp.Matrix
     after: sp.Matrix
+    lost: sp.Matrix
     push: sp.Matrix
     jolt: sp.Matrix
     own: list[sp.Expr]
@@ -315,15 +322,15 @@ def _column(
 ) -> _Column:
     """Write a candidate's column: ``eta = C s + jolt, s <- M s + push``."""
     s = memory.column(f"s[{j},", plant, f"error of {{1}} by candidate {j}")
-    push, jolt = forced, sp.zeros(len(steps), 1)
+    push, jolt, lost = forced, sp.zeros(len(steps), 1), sp.zeros(len(plant), 1)
     if any(b != 0 for b in bias):
-        shift, lost = through(write, f"bias_{j}", steps, sp.zeros(len(plant), 1), bias)
+        shift, lost = through(write, f"bias_{j}", steps, lost, bias)
         jolt = write.matrix(f"jolt_{j}", sp.Matrix([r * e for r, e in zip(root, shift, strict=True)]))
         push = write.matrix(f"push_{j}", push + Phi * lost)
     own = [write.define(f"eta[{j},{i}]", e) for i, e in enumerate(C * s + jolt)]
     after = write.matrix(f"s_next_{j}", M * s + push)
     memory.following.update({f"s[{j},{i}]": e for i, e in enumerate(after)})
-    return _Column(s, after, push, jolt, own)
+    return _Column(s, after, lost, push, jolt, own)
 
 
 def _window(

@@ -45,10 +45,10 @@ class Named:
 
     Attributes
     ----------
-    M, push, jolt, left : sympy.Matrix
-        Error a tick later by the error, per amplitude, of the innovations per amplitude, and besides.
-    moved, moves : sympy.Matrix, shape (n, 1)
-        Error of the prediction by the change, and ``f(x + d) - f(x)`` of the tick.
+    M, push, jolt : sympy.Matrix
+        Error a tick later by the error, per amplitude, and of the innovations per amplitude.
+    curved, known : sympy.Matrix, shape (n, 1)
+        What the error changes by besides: by the model, ``f(x + d) - f(x) - Phi d``, and by the change, too.
     phi, likelihood, square : sympy.Expr
         Dispersion, twice the log-likelihood of the tick's samples, and the square of the amplitude.
     first, spread : sympy.Matrix, shape (n + 1, 1) and (n + 1, n + 1)
@@ -63,9 +63,8 @@ class Named:
     M: sp.Matrix
     push: sp.Matrix
     jolt: sp.Matrix
-    left: sp.Matrix
-    moved: sp.Matrix
-    moves: sp.Matrix
+    curved: sp.Matrix
+    known: sp.Matrix
     phi: sp.Expr
     likelihood: sp.Expr
     square: sp.Expr
@@ -131,11 +130,10 @@ def judge(
         D, and D less the prior odds.
     """
     starts, ticks = named.begins > sp.S.Half, sp.Integer(WANDERS * segment)
-    known = named.moves + named.left - named.M * named.moved
     wandering = track(
         write, "wandering", plant, bank, named.M, named.push, named.jolt,
-        write.matrix("wandering_known", known), named.phi, [named.square / ticks], named.begins, named.first,
-        named.spread,
+        write.matrix("wandering_known", named.known), named.phi, [named.square / ticks], named.begins,
+        named.first, named.spread,
     )  # fmt: skip
     lead = Signal("lead", "1", "evidence for a constant amplitude, not one that wanders")
     more = lead.symbol + named.likelihood - wandering.likelihood
@@ -189,8 +187,8 @@ def _accelerations(
     spread = sp.diag(named.spread[:n, :n], *(e**2 for e in first))
     others = track(
         write, "others", plant, bank, bank.M, sp.Matrix.hstack(*(bank.pushes[j] for j in forces)),
-        sp.zeros(len(bank.whitened), r), write.matrix("others_known", named.moves - bank.M * named.moved),
-        named.phi, [named.evidence / J / ticks for J in info], named.begins,
+        sp.zeros(len(bank.whitened), r), named.curved, named.phi,
+        [named.evidence / J / ticks for J in info], named.begins,
         sp.Matrix([*named.first[:n], *first]), spread,
     )  # fmt: skip
     return others, most - named.explained

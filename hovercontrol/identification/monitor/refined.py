@@ -9,8 +9,8 @@ change since that tick, the innovations divided by their standard deviations are
     e_i = C_i (Psi d0 + o) + theta eta_i + theta' eta'_i + n_i,   n_i ~ N(0, 1).
 
 All columns are slopes at the present estimate, as in an extended filter, and o is the rest. With d the error
-by the named change after this tick's measurements, f the motion of a tick by the model and g(x, q) the change
-of the state over the tick by the candidate, with its coefficient q,
+by the named change after this tick's measurements, the error that they bring among it, f the motion of a tick
+by the model and g(x, q) the change of the state over the tick by the candidate, with its coefficient q,
 
     d <- f(x + d) - f(x) + g(x + d, q),
     Psi <- (Phi + g_x) A Psi,  s <- (Phi + g_x) A s + g_q,  s' <- (Phi + g_x) A s' + k g_q,
@@ -196,7 +196,7 @@ def refine(
     it.predict(moves, turns)
     never = [which > tested + sp.S.Half, *(sp.Abs(which - (j + 1)) < sp.S.Half for j in lasting)]
     spared = chosen(sp.Or(*never), sp.S.One, sp.S.Zero)
-    it.judge(start, after, moves, spared, forces)
+    it.judge(start, after, spared, forces)
     it.begin()
     it.remember()
     return it.result()
@@ -279,8 +279,12 @@ class _Estimate:
     def choose(self, sized: Mapping[int, Sized]) -> None:
         """Write what the named change does in the tick, and its dispersion."""
         bank, J, zero = self._bank, range(len(self._bank.pushes)), sp.zeros(self._n, 1)
-        pushes = [sized[j].slope if j in sized else bank.pushes[j] for j in J]
+        pushes, forced = (
+            [sized[j].slope if j in sized else some[j] for j in J] for some in (bank.pushes, bank.forced)
+        )
         self.push = self._of_named_column("named_push", pushes)
+        self.forced = self._of_named_column("named_forced", forced)
+        self.lost = self._of_named_column("named_lost", bank.lost)
         self.jolt = self._of_named_column("named_jolt", bank.jolts)
         self.left = self._of_named_column("named_left", [sized[j].left if j in sized else zero for j in J])
         self.phi = self._of_named("named_dispersion", bank.dispersion)
@@ -338,13 +342,15 @@ class _Estimate:
         s_next = write.matrix("named_s_next", self.M * self.s + self.push)
         ramp_next = write.matrix("named_ramp_next", self.M * self.grown + self.age * self.push)
         amplitude = part[n] + self.age * part[n + 1]
-        self.error_next = write.matrix("named_error_next", moves + amplitude * self.push + self.left)
+        self.shift = bank.A * self.moved + amplitude * self.lost
+        # f(x + d) - f(x) - Phi d, with the error d after this tick's measurements
+        linear = bank.M * self.moved + amplitude * (self.push - self.forced)
+        self.curved = write.matrix("curved", moves - linear)
+        self.error_next = write.matrix("named_error_next", moves + amplitude * self.forced + self.left)
         explained = self.Psi_next * part[:n, :] + part[n] * s_next + part[n + 1] * ramp_next
         self.then = {"named_s": s_next, "named_ramp": ramp_next, "named_o": self.error_next - explained}
 
-    def judge(
-        self, start: Start, after: sp.Matrix, moves: sp.Matrix, spared: sp.Expr, forces: Sequence[int]
-    ) -> None:
+    def judge(self, start: Start, after: sp.Matrix, spared: sp.Expr, forces: Sequence[int]) -> None:
         """Write whether the amplitude holds, and whether the name does."""
         write, n = self._write, self._n
         along = [*_explained(write, self._bank, n, self._of_named), sp.S.One]
@@ -358,8 +364,9 @@ class _Estimate:
         self.stands = self._state("stands", "1", "1 once the name has stood alone in this estimate")
         self.stood = self._state("stood", "1", "1 once the name has stood alone before this estimate")
         sure = chosen(none < least, self.gone * self.stood, sp.S.One)
+        known = self.curved + self.left - (self.M - self._bank.M) * self.moved
         self.start = Named(
-            self.M, self.push, self.jolt, self.left, self.moved, moves, self.phi, self.likelihood,
+            self.M, self.push, self.jolt, self.curved, known, self.phi, self.likelihood,
             sp.Max(self.peak**2, self.theta**2 + self.variance), self.first * sp.Matrix(along), spread,
             start.evidence, start.explained, begins, spared, self.steady, sure,
         )  # fmt: skip
@@ -418,7 +425,7 @@ class _Estimate:
             self.cov[r, r],
             chosen(ended, sp.S.One, sp.S.Zero),
             self.age,
-            self._bank.A * self.moved,
+            self.shift,
             self.judged.refuted,
             self.judged.doubts,
         )

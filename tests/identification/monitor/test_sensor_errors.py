@@ -99,3 +99,33 @@ def test_a_scale_that_changes_is_named_with_its_size(seed):
     assert out["alarm"][t < 10.0].max() == 0.0
     assert name_at(watch, out, -1) == "k"
     assert abs(out["change"][-1] - 0.1) < 3 * out["change_std"][-1] < 0.1
+
+
+@pytest.mark.slow
+def test_a_large_offset_of_a_sensor_keeps_its_size_where_the_motion_is_not_linear():
+    """x' = sin(psi), psi' = turn + w in steps of a millisecond; psi is off by 0.3 rad from 10 s on."""
+    x, psi, turn = hc.Signal("x", "m"), hc.Signal("psi", "rad"), hc.Signal("turn", "rad/s")
+    speed = hc.Signal("speed", "m/s", start=1.0)
+    block = hc.Block(
+        "glider", [x, psi], [turn], [x, psi], [speed],
+        {"x": speed.symbol * sp.sin(psi.symbol), "psi": turn.symbol},
+    )  # fmt: skip
+    watch = hc.monitor(
+        block, ["psi_bias"], false_alarms_per_hour=1.0, period=PERIOD, process_noise={"psi": 0.02},
+        measurement_noise={"x": 1e-3, "psi": 5e-3}, start_std={"x": 0.01, "psi": 0.01},
+    )  # fmt: skip
+    t, off = PERIOD * np.arange(750), []
+    turns = np.cos(1.3 * t)
+    for seed in range(6):
+        rng, truth, seen = np.random.default_rng(seed), np.zeros(2), []
+        for u in turns:
+            seen.append(truth)
+            for _ in range(20):
+                truth = truth + 1e-3 * np.array([np.sin(truth[1]), u])
+            truth = truth + np.array([0.0, 0.02 * PERIOD**0.5 * rng.normal()])
+        seen = np.array(seen) + [1e-3, 5e-3] * rng.normal(size=(t.size, 2))
+        out = told_by(watch, {"x": seen[:, 0], "psi": seen[:, 1] + 0.3 * (t >= 10.0), "turn": turns})
+        assert name_at(watch, out, -1) == "psi_bias"
+        off.append((out["change"][-1] - 0.3) / out["change_std"][-1])
+        assert out["change_std"][-1] < 1e-3
+    assert abs(np.median(off)) < 2.0
