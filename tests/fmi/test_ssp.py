@@ -52,6 +52,12 @@ def test_every_connection_joins_connectors_that_components_have(loop):
     assert values == {"law.gain": 2.0}
 
 
+def test_parameter_sets_of_all_parts_have_the_name_of_the_system(loop):
+    """Ecos applies the sets of one name: it could take the values of one part only."""
+    sets = [parsed(loop, n) for n in zipfile.ZipFile(loop).namelist() if n.endswith(".ssv")]
+    assert {s.get("name") for s in sets} == {"loop"}
+
+
 def test_a_loaded_system_is_the_sampled_loop(loop):
     """x+ = x - h gain x: a tank under a sampled law."""
     system = load(loop)

@@ -109,7 +109,7 @@ def export_ssp(
     for c in components:
         files[f"resources/{c.name}.fmu"] = c.content
         if c.values:
-            files[f"resources/{c.name}.ssv"] = _parameter_set(c, "2.0" if two else "1.0")
+            files[f"resources/{c.name}.ssv"] = _parameter_set(c, name, "2.0" if two else "1.0")
     content = packed(files)
     return write_atomically(target, lambda temporary: temporary.write_bytes(content))
 
@@ -206,9 +206,10 @@ def _connectors(
             SubElement(connector, f"{{{SSC}}}Dimension", size=str(n))
 
 
-def _parameter_set(c: Component, version: str) -> bytes:
+def _parameter_set(c: Component, name: str, version: str) -> bytes:
+    """Return the values of a part; all sets have the name of the system: Ecos applies those of one name."""
     ElementTree.register_namespace("ssv", SSV)
-    root = Element(f"{{{SSV}}}ParameterSet", version=version, name=c.name)
+    root = Element(f"{{{SSV}}}ParameterSet", version=version, name=name)
     parameters = SubElement(root, f"{{{SSV}}}Parameters")
     for v in c.values:
         parameter = SubElement(parameters, f"{{{SSV}}}Parameter", name=v.name)
