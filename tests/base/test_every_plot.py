@@ -20,11 +20,9 @@ from hovercontrol.control.analysis import (
     margins_along,
     observability_gramian,
 )
-from hovercontrol.control.observers.history import estimate_from_log
 from hovercontrol.control.observers.ins import consistency
 from hovercontrol.craft.hardware.actuators import FanTable, ServoTable
 from hovercontrol.craft.hardware.calibration import fit_rudder, thrust_table_from_bench
-from hovercontrol.craft.hardware.links import MeasuredDelays
 from hovercontrol.documents.scenarios.budget import Budget, Cost
 from hovercontrol.documents.scenarios.machine import run_machine
 from hovercontrol.identification.diagnose.unknown.function import FittedFunction
@@ -90,10 +88,6 @@ def budget():
     return Budget("k06-real-turn", whole, half, {"brake": half, "tables": whole}, {"brake": half})
 
 
-def delays():
-    return MeasuredDelays(np.random.default_rng(1).gamma(4.0, 0.01, 200))
-
-
 def ins():
     rng = np.random.default_rng(2)
     errors, covariances = rng.normal(size=(2, 20, 3)), np.eye(2)[:, :, None, None] * np.ones((20, 3))
@@ -103,10 +97,6 @@ def ins():
 def blind():
     rows = motion()
     return smooth_pose(Log("blind", T, {k: rows[k] for k in ("x", "y", "psi", "thrust", "rudder")}))
-
-
-def history():
-    return estimate_from_log(CRAFT.plant(), T, motion(), ["surge_coulomb"])
 
 
 def whole_loop():
@@ -145,11 +135,6 @@ QUICK = {
     "servo table": ("ServoTable", lambda: ServoTable("servo", [1.0, 1.5, 2.0], [-30.0, 0.0, 35.0])),
     "rudder fit": ("Fit", lambda: fit_rudder(np.arange(5.0), [0.5, -0.8, -2.3, -3.6, -5.0])),
     "fan bench": ("FanCalibration", bench),
-    "delays": ("MeasuredDelays", delays),
-    "history": (
-        "CoefficientHistory",
-        lambda: estimate_from_log(CRAFT.plant(), T, motion(), ["surge_coulomb"]),
-    ),
     "consistency": ("Consistency", ins),
     "free run": ("FreeRun", lambda: free_run(CRAFT, Log("free", T, motion()))),
     "gain of errors": (

@@ -16,7 +16,6 @@ import hovercontrol as hc
 from hovercontrol.base.short_repr import short, short_repr
 from hovercontrol.blocks.delays import registers
 from hovercontrol.control.analysis import Axis, Region
-from hovercontrol.control.observers.sampled import SampledEstimator
 from hovercontrol.craft.effects import effect
 from hovercontrol.documents.scenarios import load_scenario
 from hovercontrol.documents.scenarios.runner import loop_parts
@@ -63,10 +62,6 @@ def study():
     return Study(Found(), judged)
 
 
-def estimator():
-    return SampledEstimator(hc.vehicle("hoverdemon").plant(), dt=0.02)
-
-
 PLANT = hc.vehicle("c17_simulation").plant()
 
 
@@ -88,7 +83,6 @@ PLANT = hc.vehicle("c17_simulation").plant()
         (region, ["'stable gains'", "k1", "[31 from 0 to 3]", "rate: [21 x 31 from 0 to 650]", "3 % true"]),
         (lambda: hc.check(None, [log()]), ["Checked: 1 logs, 0 errors", "checked.text()"]),
         (study, ["Study of 2 logs: a.csv, b.csv (held out)", "the table"]),
-        (estimator, ["SampledEstimator of thrust, rudder_torque, every 0.02 s, from u, v, r"]),
         (log, ["Log 'demo': 900 rows from 0 to 899 s", "x, y, psi, thrust"]),
     ],
 )  # fmt: skip

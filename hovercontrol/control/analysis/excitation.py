@@ -29,7 +29,7 @@ from hovercontrol.blocks.block import Block
 from hovercontrol.control.analysis.directions import Direction
 from hovercontrol.control.observers.observable_subspace import readable
 from hovercontrol.control.observers.regression import Regression, regression
-from hovercontrol.control.observers.regressors import Regressors
+from hovercontrol.control.observers.regressors import regressors_along
 
 #: A function whose RMS is below this (per unit coefficient, in nominal sizes of the state a second)
 #: is taken as zero.
@@ -213,7 +213,7 @@ def excitation(
         raise InputError(f"tolerance must be between 0 and 1, found {tolerance!r}")
     model = regression(block, coefficients)
     t = np.asarray(time, dtype=float)
-    G = Regressors(model, drift=False).series(t, signals)[:, 1:]
+    G = regressors_along(model, t, signals)
     weights = mean_weights(t)
     sets = []
     for i, state in enumerate(model.states):

@@ -31,7 +31,7 @@ from hovercontrol.control.analysis.directions import Direction
 from hovercontrol.control.analysis.excitation import mean_weights
 from hovercontrol.control.observers.observable_subspace import readable
 from hovercontrol.control.observers.regression import regression
-from hovercontrol.control.observers.regressors import Regressors
+from hovercontrol.control.observers.regressors import regressors_along
 
 #: Eigenvalues below this share of the largest are zero: neither solvers nor sensors give signals to
 #: better than 1e-6, and W has them squared.
@@ -306,7 +306,7 @@ def observability_gramian(
     """
     model = regression(block, coefficients)
     t = np.asarray(time, dtype=float)
-    G = Regressors(model, drift=False).series(t, signals)[:, 1:]
+    G = regressors_along(model, t, signals)
     x_sizes = np.array([s.nominal if scaled else 1.0 for s in model.states])
     c_sizes = np.array([c.nominal if scaled else 1.0 for c in model.coefficients])
     if block.period and not np.allclose(np.diff(t), block.period, rtol=1e-6):

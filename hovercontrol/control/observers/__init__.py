@@ -2,18 +2,16 @@
 
 from hovercontrol.control.observers.disturbance import disturbance_observer, with_disturbances
 from hovercontrol.control.observers.extended import extended_kalman
-from hovercontrol.control.observers.history import CoefficientHistory, estimate_from_log
 from hovercontrol.control.observers.kalman_bucy import kalman_bucy
 from hovercontrol.control.observers.observability import Observability, observability
 from hovercontrol.control.observers.regression import Regression, regression
-from hovercontrol.control.observers.regressors import Regressors
-from hovercontrol.control.observers.sampled import SampledEstimator
+from hovercontrol.control.observers.regressors import regressors_along
 from hovercontrol.control.observers.ticking import sampled_estimator
 from hovercontrol.control.observers.unscented import unscented_kalman
 
 __all__ = [
-    "Regression", "regression", "Regressors",
-    "kalman_bucy", "sampled_estimator", "SampledEstimator", "estimate_from_log", "CoefficientHistory",
+    "Regression", "regression", "regressors_along",
+    "kalman_bucy", "sampled_estimator",
     "extended_kalman", "unscented_kalman",
     "disturbance_observer", "with_disturbances", "observability", "Observability",
 ]  # fmt: skip

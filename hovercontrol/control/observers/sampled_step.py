@@ -1,12 +1,9 @@
-"""One step of C17's estimator (sections III, V) for sampled data, for both numbers and symbols.
+"""One step of C17's estimator (sections III, V) for sampled data, as expressions.
 
 Between two samples ``x[k+1] = x[k] + dt (h + G c)`` and ``c[k+1] = c[k]``. Here h and G are the means of
 their values at both ends: the states are measured there, and the inputs are held. Of a sampled Block, whose
 next values are ``h + G c`` at the measured states y, they are ``(h - y)/dt`` and ``G/dt`` (:func:`rates`).
-Arrays contain floats in
-:class:`~hovercontrol.control.observers.sampled.SampledEstimator`, or SymPy expressions in
-:func:`~hovercontrol.control.observers.ticking.sampled_estimator`, which names intermediate results as
-definitions.
+Arrays contain SymPy expressions; intermediate results become definitions (:class:`Names`).
 
 Scalar measurements are processed one after the other, so no matrix is inverted. Joseph's form keeps the
 covariance positive.
@@ -14,34 +11,35 @@ covariance positive.
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hovercontrol.control.observers.ins.kalman import Equations
+
 Values = NDArray[Any]
 
 
-class Names(Protocol):
-    """Protocol for naming intermediate results; numbers need no names."""
+class Names:
+    """Names intermediate results as definitions of a Block."""
+
+    def __init__(self, write: Equations) -> None:
+        self._define = write.define
 
     def matrix(self, name: str, values: Values) -> Values:
         """Name the entries ``name[i]`` or ``name[i,j]``."""
+        named = np.empty_like(values)
+        for place, e in np.ndenumerate(values):
+            named[place] = self._define(f"{name}[{','.join(map(str, place))}]", e)
+        return named
 
     def symmetric(self, name: str, values: Values) -> Values:
         """Name the entries of the upper triangle and use them for the lower one."""
-
-
-class Plain:
-    """Names for numbers: the values are returned unchanged."""
-
-    def matrix(self, name: str, values: Values) -> Values:
-        """Return the values."""
-        return values
-
-    def symmetric(self, name: str, values: Values) -> Values:
-        """Return the values."""
-        return values
+        named = values.copy()
+        for i, j in zip(*np.triu_indices(len(values)), strict=True):
+            named[i, j] = named[j, i] = self._define(f"{name}[{i},{j}]", values[i, j])
+        return named
 
 
 def predicted(
@@ -57,7 +55,7 @@ def predicted(
         ``[h G]`` at both ends.
     Q : ndarray, shape (n + m, n + m)
         Intensities of the disturbances.
-    dt : float or sympy.Expr
+    dt : sympy.Expr
         Length of the step [s].
     """
     # x+ = x + dt (h + G c),  P+ = A P A' + Q dt,  A = [[I, dt G], [0, I]].

@@ -20,7 +20,14 @@ from hovercontrol.blocks.signals import Signal, suffixed, time
 from hovercontrol.control.observers.diagonal import diagonal, intensities
 from hovercontrol.control.observers.ins.kalman import Equations, Estimate, Memory, remember
 from hovercontrol.control.observers.regression import Regression, regression
-from hovercontrol.control.observers.sampled_step import Values, corrected, initialised, predicted, rates
+from hovercontrol.control.observers.sampled_step import (
+    Names,
+    Values,
+    corrected,
+    initialised,
+    predicted,
+    rates,
+)
 
 
 @checked
@@ -46,9 +53,11 @@ def sampled_estimator(
         the estimator.
     period : float, optional
         Sampling period [s]; default: that of a sampled Block, or 0.01.
-    R, Q, P0 : array_like, optional
-        As for :class:`~hovercontrol.control.observers.sampled.SampledEstimator`. The first n entries of P0
-        are not used: the first sample gives the states, with covariance R/period.
+    R, Q, P0 : array_like, scalar or shape (n,), (n + m,), (n + m,), optional
+        Intensities of the noise of the n measured states (that of a sample has covariance R/period) and of
+        the disturbances of those states and of the m coefficients (a period adds covariance Q period);
+        initial variances of both. The first n of P0 are not used: the first sample gives the states, with
+        covariance R/period.
     start : float, optional
         Time at which it is switched on [s]; until then the estimates are constant.
     name : str, optional
@@ -97,7 +106,7 @@ def sampled_estimator(
     before = {s.symbol: s.replace(name=suffixed(s.name, "before")) for s in (*measured, *held)}
     on, first = (sp.Symbol(key, real=True) for key in ("switched_on", "first_sample"))
     write = Equations()
-    names = _Named(write)
+    names = Names(write)
     write.definitions[on.name] = sp.Piecewise((1, time >= since.symbol), (0, True))
     write.definitions[first.name] = on * (1 - started.symbol)
     new, fresh = _after(model, memory, noise, drift, before, step, names)
@@ -135,7 +144,7 @@ def _after(
     drift: Sequence[Signal],
     before: dict[sp.Symbol, Signal],
     step: Signal,
-    names: _Named,
+    names: Names,
 ) -> tuple[dict[str, sp.Expr], dict[str, sp.Expr]]:
     """Return the next values of the memory by a sample, and by the first sample."""
     x, P = _objects(memory.estimate.x), _objects(memory.estimate.P)
@@ -150,29 +159,8 @@ def _after(
     return new, fresh
 
 
-class _Named:
-    """Names the entries of arrays as definitions of a Block."""
-
-    def __init__(self, write: Equations) -> None:
-        self._define = write.define
-
-    def matrix(self, name: str, values: Values) -> Values:
-        """Name the entries."""
-        named = np.empty_like(values)
-        for place, e in np.ndenumerate(values):
-            named[place] = self._define(f"{name}[{','.join(map(str, place))}]", e)
-        return named
-
-    def symmetric(self, name: str, values: Values) -> Values:
-        """Name the upper triangle."""
-        named = values.copy()
-        for i, j in zip(*np.triu_indices(len(values)), strict=True):
-            named[i, j] = named[j, i] = self._define(f"{name}[{i},{j}]", values[i, j])
-        return named
-
-
 def _ends(
-    model: Regression, names: _Named, before: dict[sp.Symbol, Signal], step: sp.Symbol
+    model: Regression, names: Names, before: dict[sp.Symbol, Signal], step: sp.Symbol
 ) -> tuple[Values, Values]:
     """Return ``[h G]`` at the last sample and now, both with the inputs held in between.
 

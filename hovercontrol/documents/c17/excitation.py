@@ -30,7 +30,7 @@ from hovercontrol.control.analysis.iss import DRAG
 from hovercontrol.control.analysis.output import Progress, part, quiet, save
 from hovercontrol.control.controllers import tracking_controller
 from hovercontrol.control.controllers.references import ellipse, figure_eight
-from hovercontrol.control.observers import Regressors, regression
+from hovercontrol.control.observers import regression, regressors_along
 from hovercontrol.craft.models.vehicles import c17_simulation
 from hovercontrol.documents.c17.runs import draw, run
 from hovercontrol.documents.c17.simulation import ACTUATORS, errors_at
@@ -221,7 +221,7 @@ def eq_6(folder: Path) -> Mapping[str, float]:
     signals = {name: found.columns[name][lap] for name in ("u", "v", "r", "thrust", "rudder")}
     plant, time = c17_simulation().plant(), found.time[lap]
     gramian = observability_gramian(plant, time, signals)
-    G = Regressors(regression(plant), drift=False).series(time, signals)[:, 1:]
+    G = regressors_along(regression(plant), time, signals)
     gamma = np.trapezoid(G, time, axis=-1)  # to t_f, the same at all times t
     printed = np.hstack([np.eye(len(gramian.states)), gamma])
     ranks = {"rank integrated to t": gramian.matrix, "rank as printed": printed.T @ printed}

@@ -17,7 +17,6 @@ from hovercontrol.craft.hardware.sensors import (
     k06_beacons,
     k06_cricket,
     locate,
-    ranges_by_unit,
     two_unit_heading,
 )
 
@@ -244,13 +243,11 @@ def test_an_ins_may_be_aided_by_a_heading_that_it_assists():
 
 def test_a_fast_reader_sees_each_fix_once():
     slow, fast = fresh(system(), {}), Ticking(arrivals())
-    apart = Ticking(ranges_by_unit(4))
-    seen, ranges = [], []
+    seen = []
     for k in range(320):  # 3.2 s in steps of 10 ms
         if k % 10 == 0:
             held = slow.tick(0.01 * k, {"x": 1.0, "y": 1.0, "psi": 0.0})
         seen.append(fast.tick(0.01 * k, held))
-        ranges.append(apart.tick(0.01 * k, held))
     for name, first in (("fix_arrived", 0), ("heading_fix_arrived", 10)):
         assert [k for k, row in enumerate(seen) if row[name]] == [
             first,
@@ -258,11 +255,6 @@ def test_a_fast_reader_sees_each_fix_once():
             first + 200,
             first + 300,
         ]
-    for unit in (1, 2):
-        times = [k for k, row in enumerate(ranges) if row[f"unit_{unit}_range_4_arrived"]]
-        assert times == [10 * (unit - 1) + 100 * n for n in range(4)]
-        true = math.sqrt((1.0 + (HALF if unit == 1 else -HALF)) ** 2 + 1.44**2 + 2.7048**2)
-        assert ranges[times[0]][f"unit_{unit}_range_4"] == pytest.approx(true, abs=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -281,7 +273,6 @@ def test_a_fast_reader_sees_each_fix_once():
         (lambda: arrivals([]), "expected different flags"),
         (lambda: arrivals(["fix"]), "ends in '_valid'"),
         (lambda: arrivals(["fix_valid"], period=0.0), "period must be positive"),
-        (lambda: ranges_by_unit(0), "beacons must be a positive whole number"),
     ],
 )
 def test_what_cannot_be_is_refused(make, said):

@@ -19,7 +19,6 @@ from hovercontrol.craft.hardware.sensors import (
     magnetometer,
     mocap,
     poor_view,
-    ranges_by_unit,
     with_specific_force,
 )
 from hovercontrol.craft.models.vehicles import hoverdemon
@@ -34,7 +33,6 @@ SENSORS = {
     "cricket": lambda: k06_cricket(assisted=True),
     "two beacons": lambda: k06_cricket(Beacons([(0, 1), (2.4, 1)], 2.7), side=-1),
     "arrivals": arrivals,
-    "ranges": lambda: ranges_by_unit(3),
 }
 
 

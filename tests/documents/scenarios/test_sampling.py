@@ -8,12 +8,12 @@ import pytest
 
 from hovercontrol.base.errors import InputError
 from hovercontrol.blocks.simulation.trajectory import simulate
-from hovercontrol.control.observers import SampledEstimator
 from hovercontrol.documents.scenarios import load_scenario, run_scenario
 from hovercontrol.documents.scenarios.definition import Phase
 from hovercontrol.documents.scenarios.grid import vary
 from hovercontrol.documents.scenarios.parts import loop_parts, phase_parameters
 from hovercontrol.documents.scenarios.sampling import sampled_loop
+from tests.control.observers.textbook import Textbook
 
 TABLE2 = load_scenario("table2")
 #: Two phases, the estimator on in the second, without noise: that a hand can step.
@@ -36,11 +36,13 @@ def by_hand(scenario, until):
     parts = loop_parts(scenario)
     plant, controller, reference = (parts[k] for k in ("plant", "controller", "reference"))
     c = scenario.estimator
-    estimator = SampledEstimator(plant, dt=0.01, R=c["R"], Q=c["Q"], P0=c["P0"])
+    names = scenario.belief.linear_coefficients()
+    prior = [scenario.belief.coefficients()[n] for n in names]
+    estimator = Textbook(prior, 0.01, c["R"], c["Q"], c["P0"])
     x = np.array([s.start for s in plant.states])
     computed = sent = np.zeros(2)
     pose, rows, tick, rhs = None, [], 0.0005, plant.to_numpy().derivatives
-    hats = np.array([scenario.belief.coefficients()[n] for n in estimator.names])
+    hats = estimator.c
     for k in range(round(until / tick)):
         t = k * tick
         phase = scenario.phases[0] if t < scenario.phases[0].until - 1e-9 else scenario.phases[1]
@@ -54,11 +56,11 @@ def by_hand(scenario, until):
                 speed = np.array([cos * dx + sin * dy, -sin * dx + cos * dy, dpsi])
             pose = now
             if t >= c["start"] - 1e-9:
-                hats = estimator.step(t, speed, computed)
+                hats = estimator.step(speed, computed)
             told = reference.to_numpy().outputs(t, ())
             known = dict(zip(("x", "y", "psi", "u", "v", "r"), (*now, *speed), strict=True))
             known |= dict(zip((s.name for s in reference.outputs), told, strict=True))
-            known |= dict(zip((f"{n}_hat" for n in estimator.names), hats, strict=True))
+            known |= dict(zip((f"{n}_hat" for n in names), hats, strict=True))
             share = {"controller.adaptation": phase.adaptation}
             given = [known[s.name] for s in controller.inputs]
             computed = controller.to_numpy().outputs(t, (), given, share)[:2]

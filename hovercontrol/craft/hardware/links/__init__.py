@@ -2,18 +2,14 @@
 
 from hovercontrol.blocks.delay_line import constant_delay
 from hovercontrol.craft.hardware.links.constant import k06_downlink, k06_uplink
-from hovercontrol.craft.hardware.links.csma import Csma
 from hovercontrol.craft.hardware.links.distributions import BoundedDelays, Delays
 from hovercontrol.craft.hardware.links.failsafe import failsafe
-from hovercontrol.craft.hardware.links.measured import MeasuredDelays, read_delays
 from hovercontrol.craft.hardware.links.table_5_1 import TABLE_5_1, bluetooth_delays
 from hovercontrol.craft.hardware.links.wireless import empirical_delay, lossy_link
 
 __all__ = [
     "BoundedDelays",
-    "Csma",
     "Delays",
-    "MeasuredDelays",
     "TABLE_5_1",
     "bluetooth_delays",
     "constant_delay",
@@ -22,5 +18,4 @@ __all__ = [
     "k06_downlink",
     "k06_uplink",
     "lossy_link",
-    "read_delays",
 ]

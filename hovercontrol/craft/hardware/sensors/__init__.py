@@ -9,7 +9,7 @@
 * :mod:`.arrivals`: pulses for readers that are faster than the sensor
 """
 
-from hovercontrol.craft.hardware.sensors.arrivals import arrivals, ranges_by_unit
+from hovercontrol.craft.hardware.sensors.arrivals import arrivals
 from hovercontrol.craft.hardware.sensors.bancroft import locate, range_solver
 from hovercontrol.craft.hardware.sensors.beacons import Beacons, k06_beacons
 from hovercontrol.craft.hardware.sensors.cone import cone_correction, corrected_range
@@ -21,7 +21,6 @@ from hovercontrol.craft.hardware.sensors.mocap import mocap, noisy_motion
 from hovercontrol.craft.hardware.sensors.motion import with_specific_force
 from hovercontrol.craft.hardware.sensors.poor_view import poor_view
 from hovercontrol.craft.hardware.sensors.ranging import cricket_ranges
-from hovercontrol.craft.hardware.sensors.sound import speed_of_sound
 from hovercontrol.craft.hardware.sensors.two_units import two_unit_heading
 
 __all__ = [
@@ -43,10 +42,8 @@ __all__ = [
     "cone_correction",
     "corrected_range",
     "locate",
-    "speed_of_sound",
     "two_unit_heading",
     "arrivals",
-    "ranges_by_unit",
     "mocap",
     "noisy_motion",
     "poor_view",

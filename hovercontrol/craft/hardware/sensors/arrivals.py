@@ -11,7 +11,6 @@ from hovercontrol.base.errors import InputError
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.signals import Signal
 from hovercontrol.craft.hardware.sensors._parts import IMU_TICK, tick
-from hovercontrol.craft.hardware.sensors.bancroft import RANGE_UNIT, range_signals
 
 _END = "_valid"
 
@@ -75,65 +74,5 @@ def arrivals(
             told.name: sp.Piecewise((1, sp.And(flag.symbol > 0, old.symbol <= 0)), (0, True))
             for told, flag, old in zip(outputs, inputs, last, strict=True)
         },
-        period=tick(name, period).start,
-    )
-
-
-@checked
-def ranges_by_unit(
-    beacons: int, units: int = 2, *, period: float = IMU_TICK, name: str = "ranges_by_unit"
-) -> Block:
-    """Return a Block that sorts ranges by unit, for filters that use raw ranges.
-
-    Parameters
-    ----------
-    beacons, units : int
-        Numbers of beacons and units, at least one of each.
-    period : float, optional
-        Of the reader [s].
-    name : str, optional
-
-    Returns
-    -------
-    Block
-        Inputs ``range_1...`` [m], ``range_1_heard...`` and ``range_unit``; outputs ``unit_1_range_1`` [m],
-        ``unit_1_range_1_arrived`` (1 at the tick of a new range) and so on.
-
-    Raises
-    ------
-    InputError
-        If there are no beacons or units, or the period is not positive.
-
-    Examples
-    --------
-    >>> [s.name for s in ranges_by_unit(1).outputs][2:]
-    ['unit_2_range_1', 'unit_2_range_1_arrived']
-    """
-    for what, count in (("beacons", beacons), ("units", units)):
-        if not isinstance(count, int) or count < 1:
-            raise InputError(f"{name}: {what} must be a positive whole number, found {count!r}")
-    ranges, heard = range_signals(beacons)
-    last = RANGE_UNIT.replace(name="range_unit_last")
-    told: list[Signal] = []
-    expressions: dict[str, sp.Expr] = {}
-    for unit in range(1, units + 1):
-        now, before = (
-            sp.And(s.symbol > unit - sp.Rational(1, 2), s.symbol < unit + sp.Rational(1, 2))
-            for s in (RANGE_UNIT, last)
-        )
-        for rho, there in zip(ranges, heard, strict=True):
-            value = rho.replace(name=f"unit_{unit}_{rho.name}", description=f"{rho.description}, unit {unit}")
-            flag = Signal(f"{value.name}_arrived", "1", "1 at the tick of a new range")
-            told += [value, flag]
-            expressions[value.name] = rho.symbol
-            fresh = sp.And(now, sp.Not(before), there.symbol > 0)
-            expressions[flag.name] = sp.Piecewise((1, fresh), (0, True))
-    return Block(
-        name,
-        states=(last,),
-        inputs=(*ranges, *heard, RANGE_UNIT),
-        outputs=tuple(told),
-        derivatives={last.name: RANGE_UNIT.symbol},
-        output_expressions=expressions,
         period=tick(name, period).start,
     )
