@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -157,7 +156,6 @@ def expected_errors(
     duration: float = 4 * math.pi,
     noise: float = MEASUREMENT_NOISE,
     disturbance: float = DISTURBANCE,
-    executor: Executor | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> ExpectedErrors:
     """Return the standard error that a run along each reference leaves of each coefficient.
@@ -178,8 +176,6 @@ def expected_errors(
         Intensity of the noise of the measured velocities [(m/s)^2 s, (rad/s)^2 s]; default C17's R.
     disturbance : float, optional
         Intensity of the disturbance of their rates [(m/s)^2/s, (rad/s)^2/s], 0 or more; default C17's Q.
-    executor : concurrent.futures.Executor, optional
-        Where the simulations are done.
     progress : callable, optional
         Called now and then with the number of references done.
 
@@ -212,7 +208,7 @@ def expected_errors(
     for done, reference in enumerate(references.values(), 1):
         start = {name: [value] for name, value in on_reference(reference, study.control_point).items()}
         study.refuse_large(reference, 1)
-        runs.append(study.run(reference, start, {}, executor=executor))
+        runs.append(study.run(reference, start, {}))
         if progress:
             progress(done)
     error, commands = (np.vstack(rows) for rows in zip(*runs, strict=True))
@@ -234,8 +230,6 @@ def ellipse_errors(
     duration: float = 4 * math.pi,
     noise: float = MEASUREMENT_NOISE,
     disturbance: float = DISTURBANCE,
-    executor: Executor | None = None,
-    checkpoint: str | Path | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Region:
     """Return what ellipses of all sizes, run clockwise as C17's, leave in doubt.
@@ -248,9 +242,9 @@ def ellipse_errors(
         Along each axis.
     rate : float, optional
         Angular rate [rad/s], positive.
-    model, coefficients, actuators, duration, noise, disturbance, executor
+    model, coefficients, actuators, duration, noise, disturbance
         As for :func:`expected_errors`.
-    checkpoint, progress
+    progress
         As for :meth:`~hovercontrol.blocks.backends.compiled.CompiledBlock.sweep`.
 
     Returns
@@ -283,9 +277,7 @@ def ellipse_errors(
     begin = [on_reference(ellipse(*axes, *clockwise), study.control_point) for axes in zip(a, b, strict=True)]
     start = {name: np.array([s[name] for s in begin]) for name in begin[0]}
     params = {"reference.semi_x": a, "reference.semi_y": b}
-    error, commands = study.run(
-        curve, start, params, executor=executor, checkpoint=checkpoint, progress=progress
-    )
+    error, commands = study.run(curve, start, params, progress=progress)
     maps: dict[str, NDArray[Any]] = {
         "within limits": _within(commands, actuators or c17_experiment()),
         "worst": error.max(axis=1),

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,7 +14,7 @@ from hovercontrol.base.errors import InputError
 from hovercontrol.base.tables import number, positive
 from hovercontrol.blocks.block import Block
 from hovercontrol.control.analysis.loops import tracking_loop
-from hovercontrol.control.analysis.regions import refuse_large, subfolder
+from hovercontrol.control.analysis.regions import refuse_large
 from hovercontrol.control.controllers import tracking_controller
 from hovercontrol.control.observers import kalman_bucy
 from hovercontrol.control.observers.regression import regression
@@ -116,21 +114,18 @@ class ReferenceRuns:
         start: Mapping[str, ArrayLike],
         params: Mapping[str, ArrayLike],
         *,
-        executor: Executor | None = None,
-        checkpoint: str | Path | None = None,
         progress: Callable[[int], None] | None = None,
     ) -> tuple[Array, Array]:
         """Return standard errors (n, m) and least and largest thrust and rudder (n, 4) of many runs."""
         settled = self.loop(reference, estimator=False).compile(friction="smooth").sweep(
-            [0.0, RUNS.settle], x0=start, params=params, method="rk4", step=STEP, executor=executor,
-            checkpoint=subfolder(checkpoint, "settle"),
+            [0.0, RUNS.settle], x0=start, params=params, method="rk4", step=STEP,
         )  # fmt: skip
         off = settled.status != 0
         there = np.where(off[:, None], 0.0, settled.states_final)
         run = self.loop(reference).compile(friction="smooth").sweep(
             RUNS.settle + np.linspace(0.0, self.duration, 1 + max(10, round(50 * self.duration))),
             x0=dict(zip(settled.states, there.T, strict=True)), params=params, method="rk4", step=FINE_STEP,
-            executor=executor, checkpoint=subfolder(checkpoint, "flight"), progress=progress,
+            progress=progress,
         )  # fmt: skip
         last = dict(zip(run.states, run.states_final.T, strict=True))
         variance = np.transpose([last[name] for name in self._variances])

@@ -347,11 +347,6 @@ def refuse_large(loop: CompiledBlock, runs: int, seconds_per_run: float) -> None
         )
 
 
-def subfolder(checkpoint: str | Path | None, name: str) -> Path | None:
-    """Return the folder for one of the sweeps of a map."""
-    return None if checkpoint is None else Path(checkpoint) / name
-
-
 def _trial(
     loop: CompiledBlock, x: Axis, y: Axis, params: Callable[..., Any], grid: ArrayLike, options: Any
 ) -> float:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from concurrent.futures import Executor
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,7 +15,7 @@ from hovercontrol.base.tables import positive
 from hovercontrol.control.analysis.loops import initial_errors, tracking_loop
 from hovercontrol.control.analysis.lyapunov import decay, lyapunov_function
 from hovercontrol.control.analysis.output import Progress, quiet, save
-from hovercontrol.control.analysis.regions import Region, mesh, positive_axis, subfolder, sweep_map
+from hovercontrol.control.analysis.regions import Region, mesh, positive_axis, sweep_map
 from hovercontrol.craft.models.model import Model
 from hovercontrol.craft.models.vehicles import c17_experiment, c17_simulation
 
@@ -37,8 +36,6 @@ def gain_region(
     duration: float = 20.0,
     tolerance: float = 0.01,
     start: Mapping[str, float] = START,
-    executor: Executor | None = None,
-    checkpoint: str | Path | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Region:
     """Return the gains with which the craft is on C17's ellipse in time: promised, exact, simulated.
@@ -57,7 +54,7 @@ def gain_region(
         The error [m] to stay below during the last tenth of it.
     start : mapping, optional
         Initial state by ``plant.NAME``, over zero.
-    executor, checkpoint, progress
+    progress
         As for :meth:`~hovercontrol.blocks.backends.compiled.CompiledBlock.sweep`.
 
     Returns
@@ -97,8 +94,6 @@ def gain_region(
             start=last,
             method="rk4",
             step=STEP,
-            executor=executor,
-            checkpoint=subfolder(checkpoint, name),
             progress=progress,
         )
         below = (runs.status == 0) & (runs["tracking_error"].maximum < tolerance)

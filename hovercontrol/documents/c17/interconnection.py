@@ -6,7 +6,6 @@ The loop of craft, controller and estimator is judged by Monte Carlo [C17 theore
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import Executor
 from dataclasses import replace
 from pathlib import Path
 
@@ -50,8 +49,6 @@ def region_of_attraction(
     duration: float = 20.0,
     tolerance: float = 0.05,
     seed: int = 0,
-    executor: Executor | None = None,
-    checkpoint: str | Path | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Region:
     """Return how often the loop with its estimator gets to C17's ellipse, by initial errors.
@@ -73,7 +70,7 @@ def region_of_attraction(
     tolerance : float, optional
         The error [m] below which the craft is on the reference.
     seed : int, optional
-    executor, checkpoint, progress
+    progress
         As for :meth:`~hovercontrol.blocks.backends.compiled.CompiledBlock.sweep`.
 
     Returns
@@ -111,7 +108,7 @@ def region_of_attraction(
     times = np.linspace(0.0, duration, 1 + max(2, round(10 * duration)))
     found = loop.sweep(
         times, x0=start, band=tolerance / 2, method="rk4", step=STEP,
-        executor=executor, checkpoint=checkpoint, progress=progress,
+        progress=progress,
     )  # fmt: skip
     error = found["tracking_error"]
     there = (found.status == 0) & (error.final < tolerance / 2)

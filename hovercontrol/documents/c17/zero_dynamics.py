@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,7 +18,7 @@ from hovercontrol.base.tables import finite, positive
 from hovercontrol.blocks.backends.sweep import SweepResult
 from hovercontrol.control.analysis.loops import c17_ellipse, on_reference, tracking_loop
 from hovercontrol.control.analysis.output import Progress, quiet, save
-from hovercontrol.control.analysis.regions import Axis, Region, axis, mesh, refuse_large, subfolder, sweep_map
+from hovercontrol.control.analysis.regions import Axis, Region, axis, mesh, refuse_large, sweep_map
 from hovercontrol.control.analysis.zero_dynamics import predict, theorem_4_margin
 from hovercontrol.craft.models.model import Model
 from hovercontrol.craft.models.vehicles import c17_experiment, c17_simulation
@@ -85,8 +84,6 @@ def arm_region(
     inertia: float = 0.01,
     heading: float = 0.0,
     duration: float = 30.0,
-    executor: Executor | None = None,
-    checkpoint: str | Path | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> tuple[Region, Region]:
     """Return which arms and control points let the craft go nose-first, stern-first or spin away.
@@ -103,7 +100,7 @@ def arm_region(
         Angle from the course to the heading at the start [rad]; default nose-first.
     duration : float, optional
         Of each simulation along C17's ellipse [s].
-    executor, checkpoint, progress
+    progress
         As for :meth:`~hovercontrol.blocks.backends.compiled.CompiledBlock.sweep`.
 
     Returns
@@ -147,18 +144,15 @@ def arm_region(
     starts = [on_reference(reference, d, heading) for d in y.values]
     start = {name: np.repeat([s[name] for s in starts], points) for name in starts[0]}
     late = 2 / 3 * duration  # a start off the stable side may turn fast at first
-    options: dict[str, Any] = {"start": late, "method": "rk4", "executor": executor}
+    options: dict[str, Any] = {"start": late, "method": "rk4"}
     times = np.linspace(0.0, duration, 1 + max(2, round(10 * duration)))
-    kept = subfolder(checkpoint, "all")
-    runs = sweep_map(
-        loop, x, y, params, times, checkpoint=kept, progress=progress, x0=start, step=STEP, **options
-    )
+    runs = sweep_map(loop, x, y, params, times, progress=progress, x0=start, step=STEP, **options)
     bounded = _bounded(runs)
     doubtful = np.flatnonzero(theory.bounded & ~bounded)  # near a dx = J/m the loop is too fast for the step
     if doubtful.size:
-        fine, kept = params(*(g[doubtful] for g in grid)), subfolder(checkpoint, "doubtful")
+        fine = params(*(g[doubtful] for g in grid))
         x0 = {name: v[doubtful] for name, v in start.items()}
-        again = loop.sweep(times, params=fine, checkpoint=kept, x0=x0, step=STEP / 20, **options)
+        again = loop.sweep(times, params=fine, x0=x0, step=STEP / 20, **options)
         bounded[doubtful] = _bounded(again)
         for figure in ("final", "maximum", "minimum"):
             getattr(runs["facing"], figure)[doubtful] = getattr(again["facing"], figure)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from concurrent.futures import Executor
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +22,6 @@ from hovercontrol.control.analysis.regions import (
     mesh,
     positive_axis,
     refuse_large,
-    subfolder,
     sweep_map,
 )
 from hovercontrol.control.controllers.k06 import forward, reverse
@@ -54,8 +52,6 @@ def forward_region(
     *,
     k1: float = 1.0,
     duration: float = 120.0,
-    executor: Executor | None = None,
-    checkpoint: str | Path | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Region:
     """Return the speeds and gains with which K06's forward law is stable: by theorem, linearly, simulated.
@@ -70,7 +66,7 @@ def forward_region(
         [kg/s]
     duration : float, optional
         Of each simulation [s].
-    executor, checkpoint, progress
+    progress
         As for :meth:`~hovercontrol.blocks.backends.compiled.CompiledBlock.sweep`.
 
     Returns
@@ -102,8 +98,6 @@ def forward_region(
         y,
         lambda a, b: {"reference.speed": a, "law.k2": b},
         duration,
-        executor=executor,
-        checkpoint=checkpoint,
         progress=progress,
     )
     theorem = mesh(x, y)[1] > np.tile(ratio, points)
@@ -124,8 +118,6 @@ def reverse_region(
     k1: float = 1.5,
     k2: float = 1.0,
     duration: float = 600.0,
-    executor: Executor | None = None,
-    checkpoint: str | Path | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Region:
     """Return the speeds and weights alpha with which K06's reverse law is stable.
@@ -136,7 +128,7 @@ def reverse_region(
         Range of u_ref [m/s], negative.
     alpha : tuple of float, optional
         Range, positive.
-    points, executor, checkpoint, progress
+    points, progress
         As for :func:`forward_region`.
     k1, k2 : float, optional
         [kg/s]
@@ -171,8 +163,6 @@ def reverse_region(
         y,
         lambda a, b: {"reference.speed": a, "law.alpha": b},
         duration,
-        executor=executor,
-        checkpoint=checkpoint,
         progress=progress,
     )
     return _region(
@@ -190,8 +180,6 @@ def _judged(
     params: Callable[[Array, Array], dict[str, Array]],
     duration: float,
     *,
-    executor: Executor | None,
-    checkpoint: str | Path | None,
     progress: Callable[[int], None] | None,
 ) -> dict[str, NDArray[np.bool_]]:
     """Return where the law is stable, simulated and linearly, with and without delay, each (n,)."""
@@ -205,11 +193,10 @@ def _judged(
         loop = law_loop(law, delay=late)
         linear["linear delayed" if late else "linear"] = linearly_stable(loop, params(*mesh(x, y)))
         ready, well = loop.compile(), np.ones(len(x.values) * len(y.values), dtype=bool)
-        for k, start in enumerate(STARTS):
+        for start in STARTS:
             x0 = {f"craft.{s.name}": value for s, value in zip(MOVING, start, strict=True)}
             runs = sweep_map(
                 ready, x, y, params, times, x0=x0, start=0.9 * duration, method="rk4", step=0.02,
-                executor=executor, checkpoint=subfolder(checkpoint, f"{'late' if late else 'prompt'}_{k}"),
                 progress=progress,
             )  # fmt: skip
             well &= (runs.status == 0) & (runs["distance"].maximum < CLOSE)

@@ -18,8 +18,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from concurrent.futures import Executor
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -81,8 +79,6 @@ def turn_basins(
     k1: float = 0.5,
     k2: float = 3.5,
     duration: float = 300.0,
-    executor: Executor | None = None,
-    checkpoint: str | Path | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Region:
     """Return the limit point that the turn law reaches, and the time, over a plane of initial velocities.
@@ -101,7 +97,7 @@ def turn_basins(
         [kg/s], likewise.
     duration : float, optional
         Of each simulation [s]; a craft that turns later counts as stuck.
-    executor, checkpoint, progress
+    progress
         As for :meth:`~hovercontrol.blocks.backends.compiled.CompiledBlock.sweep`.
 
     Returns
@@ -136,8 +132,6 @@ def turn_basins(
         x0={f"craft.{name}": values for name, values in start.items()},
         rtol=RTOL,
         atol=ATOL,
-        executor=executor,
-        checkpoint=checkpoint,
         progress=progress,
     )
     body = HOVERDEMON_BODY

@@ -1,7 +1,6 @@
 """What a flight leaves in doubt: the Gramian's inverse, what one speed tells, and why c3 and c4 are slow."""
 
 import math
-from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 
 import numpy as np
@@ -133,16 +132,6 @@ def test_a_craft_that_does_not_get_on_its_reference_tells_nothing():
     near = CRAFT.with_coefficients({"rudder_torque": 3.7})  # a dx close to J/m
     spins = expected_errors({"C17": c17_ellipse()}, near, duration=1.0)
     assert np.isnan(spins.error).all() and not spins.within_limits.any()
-
-
-@pytest.mark.slow
-def test_executors_and_checkpoints_give_the_bits_of_one_machine(region, tmp_path):
-    with ThreadPoolExecutor(2) as threads:
-        again = ellipse_errors((1.0, 2.5), (1.0, 2.5), 3, duration=7.0, executor=threads, checkpoint=tmp_path)
-    resumed = ellipse_errors((1.0, 2.5), (1.0, 2.5), 3, duration=7.0, checkpoint=tmp_path)
-    for name, values in region.maps.items():
-        assert values.tobytes() == again[name].tobytes() == resumed[name].tobytes()
-    assert {p.name for p in tmp_path.iterdir()} == {"settle", "flight"}
 
 
 def test_results_are_drawn_and_tabled(found, tmp_path):
