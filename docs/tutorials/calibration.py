@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from hovercontrol.blocks.simulation.hybrid import Ticking
+from hovercontrol.blocks.simulation.sampled import Ticking
 from hovercontrol.craft.hardware.actuators import actuators, fan_force, read_fan_table
 from hovercontrol.craft.hardware.calibration import (
     FanCalibration,

@@ -54,7 +54,7 @@ def constant_delay(
 
     Examples
     --------
-    >>> from hovercontrol.blocks.simulation.hybrid import Ticking
+    >>> from hovercontrol.blocks.simulation.sampled import Ticking
     >>> link = Ticking(constant_delay([Signal("thrust", "N")], 0.04, 0.02))
     >>> [link.tick(0.02 * k, {"thrust": 5.0 + k})["thrust_received"] for k in range(4)]
     [0.0, 0.0, 5.0, 6.0]

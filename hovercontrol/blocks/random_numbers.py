@@ -89,7 +89,7 @@ def random_numbers(
     A Block that draws two numbers a second.
 
     >>> from hovercontrol.blocks.block import Block
-    >>> from hovercontrol.blocks.simulation.hybrid import Ticking
+    >>> from hovercontrol.blocks.simulation.sampled import Ticking
     >>> noise = random_numbers(2, salt="dice", kind="uniform")
     >>> a, b = Signal("a"), Signal("b")
     >>> dice = Block("dice", noise.states, [], [a, b], noise.parameters, noise.next_values,

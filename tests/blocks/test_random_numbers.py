@@ -9,7 +9,7 @@ from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.interconnect import interconnect
 from hovercontrol.blocks.random_numbers import random_numbers
 from hovercontrol.blocks.signals import Signal
-from hovercontrol.blocks.simulation.hybrid import Ticking
+from hovercontrol.blocks.simulation.sampled import Ticking
 
 
 def source(count, kind, salt="source", name="source", period=1.0):

@@ -11,8 +11,8 @@ from hovercontrol.app.cockpit.laws import STICK, choices, energy, law
 from hovercontrol.app.cockpit.orders import Flown
 from hovercontrol.base.errors import InputError
 from hovercontrol.blocks.functions import call_scalar, numpy_functions
-from hovercontrol.blocks.simulation.hybrid import Ticking
 from hovercontrol.blocks.simulation.runge_kutta import rk4
+from hovercontrol.blocks.simulation.sampled import Ticking
 from hovercontrol.control.controllers.k06.heading import TICK
 from hovercontrol.craft.models.model import Model
 from hovercontrol.craft.models.motion import MOTION

@@ -14,7 +14,7 @@ from hovercontrol.app.cockpit.real_block import ORDERS, ground_station
 from hovercontrol.app.cockpit.real_laws import LAW, reference_key
 from hovercontrol.base.errors import InputError
 from hovercontrol.blocks.backends.compiled import CompiledBlock
-from hovercontrol.blocks.simulation.hybrid import Ticking
+from hovercontrol.blocks.simulation.sampled import Ticking
 from hovercontrol.craft.models.model import Model
 from hovercontrol.craft.models.motion import MOTION
 

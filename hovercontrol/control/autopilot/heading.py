@@ -26,7 +26,7 @@ def nearest_heading(guidance: Block) -> Block:
     Examples
     --------
     >>> from hovercontrol.control.controllers.k06 import bang_bang_heading
-    >>> from hovercontrol.blocks.simulation.hybrid import Ticking
+    >>> from hovercontrol.blocks.simulation.sampled import Ticking
     >>> calm = {"psi": 7.0, "u": 0.0, "v": 0.0, "r": 0.0, "heading_ref": 0.5}
     >>> round(Ticking(nearest_heading(bang_bang_heading())).tick(0.0, calm)["heading_error"], 4)
     0.2168

@@ -77,7 +77,7 @@ def sampled_estimator(
 
     Examples
     --------
-    >>> from hovercontrol.blocks.simulation.hybrid import Ticking
+    >>> from hovercontrol.blocks.simulation.sampled import Ticking
     >>> from hovercontrol.craft.models.vehicles import hoverdemon
     >>> prior = hoverdemon().plant().with_values({"plant.thrust": 0.5})
     >>> e = Ticking(sampled_estimator(prior, start=1.0))

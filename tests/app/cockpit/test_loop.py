@@ -14,7 +14,7 @@ from hovercontrol.app.cockpit.gusts import gusts
 from hovercontrol.app.cockpit.laws import CHOICES
 from hovercontrol.app.cockpit.loop import Loop
 from hovercontrol.base.errors import InputError
-from hovercontrol.blocks.simulation.hybrid import Ticking
+from hovercontrol.blocks.simulation.sampled import Ticking
 from hovercontrol.craft.models.modelfile import model_from_table
 from hovercontrol.craft.models.vehicles import VEHICLES, vehicle
 

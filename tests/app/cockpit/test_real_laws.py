@@ -7,7 +7,7 @@ import pytest
 
 from hovercontrol.app.cockpit.laws import CHOICES, law
 from hovercontrol.app.cockpit.real_laws import LAW, reference_key, switched_laws
-from hovercontrol.blocks.simulation.hybrid import Ticking
+from hovercontrol.blocks.simulation.sampled import Ticking
 from hovercontrol.craft.models.vehicles import vehicle
 
 BLOCK = switched_laws()

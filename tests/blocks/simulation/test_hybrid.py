@@ -12,11 +12,12 @@ from hovercontrol.base.errors import InputError
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.interconnect import interconnect
 from hovercontrol.blocks.signals import Signal, time
-from hovercontrol.blocks.simulation.hybrid import Ticking, simulate_hybrid
+from hovercontrol.blocks.simulation.sampled import Ticking
 from hovercontrol.blocks.simulation.trajectory import simulate
 from hovercontrol.blocks.units import UnitError
 from hovercontrol.control.controllers.k06 import bang_bang_heading, origin, proportional_heading
 from hovercontrol.fmi.exporter.export import export_fmu
+from tests.blocks.simulation.loops import run_loop
 
 v, a, n = Signal("v", "m/s"), Signal("a", "m/s^2"), Signal("n")
 CART = Block("cart", [v], [a], [v], derivatives={"v": a.symbol})
@@ -121,13 +122,13 @@ def test_blocks_without_states_tick_with_sampled_ones_and_others_make_a_hybrid()
 
 
 def test_a_sampled_gain_in_the_loop_gives_the_exact_discrete_decay():
-    run = simulate_hybrid(CART, brake(period=0.1, k=3.0), 2.0, x0={"v": 1.0})
+    run = run_loop(CART, brake(period=0.1, k=3.0), 2.0, x0={"v": 1.0})
     assert run.time == pytest.approx(np.arange(21) * 0.1)
     assert run.states[0] == pytest.approx(0.7 ** np.arange(21), rel=1e-12)
 
 
 def test_between_ticks_the_plant_is_integrated_and_the_command_held():
-    run = simulate_hybrid(CART, brake(period=0.1, k=3.0), 0.5, x0={"v": 1.0}, step=0.02)
+    run = run_loop(CART, brake(period=0.1, k=3.0), 0.5, x0={"v": 1.0}, step=0.02)
     at = {round(float(t), 6): value for t, value in zip(run.time, run.outputs.T, strict=True)}
     assert at[0.06][0] == pytest.approx(1 - 0.06 * 3)
     assert at[0.06][1] == at[0.0][1] == -3.0
@@ -137,7 +138,7 @@ def test_between_ticks_the_plant_is_integrated_and_the_command_held():
 def test_ticks_of_several_periods_fall_exactly_on_their_multiples():
     slow = brake(period=0.3, k=1.0)
     idle = Block("idle", [v.replace(name="w")], [a], derivatives={"w": a.symbol})
-    run = simulate_hybrid(
+    run = run_loop(
         interconnect([CART, idle]), [counter(0.0065536), slow], 1.0, x0={"cart.v": 1.0}, step=0.0065536
     )
     counts = run.outputs[run.output_labels.index("count")]
@@ -154,7 +155,7 @@ def test_of_two_that_tick_together_one_sees_what_the_other_tells_whatever_their_
         period=0.1,
     )
     for blocks in ([counter(), echo, brake()], [echo, counter(), brake()]):
-        run = simulate_hybrid(CART, blocks, 0.5)
+        run = run_loop(CART, blocks, 0.5)
         row = {name: run.outputs[i] for i, name in enumerate(run.output_labels)}
         assert row["heard"].tolist() == row["count"].tolist() == [0, 1, 2, 3, 4, 5]
 
@@ -162,17 +163,17 @@ def test_of_two_that_tick_together_one_sees_what_the_other_tells_whatever_their_
 def test_a_hundredfold_faster_tick_comes_a_hundredfold_nearer_to_the_continuous_loop():
     exact = math.exp(-2.0)
     coarse, fine = (
-        abs(simulate_hybrid(CART, brake(period=p), 1.0, x0=[1.0], step=1.0).states[0, -1] - exact)
+        abs(run_loop(CART, brake(period=p), 1.0, x0={"v": 1.0}, step=1.0).states[0, -1] - exact)
         for p in (0.1, 0.001)
     )
     assert coarse / fine == pytest.approx(100, rel=0.1)
 
 
 def test_parameters_go_to_their_block_and_unknown_keys_are_refused():
-    run = simulate_hybrid(CART, brake(), 0.25, x0=[1.0], params={"brake.k": 4.0})
+    run = run_loop(CART, brake(), 0.25, x0={"v": 1.0}, params={"brake.k": 4.0})
     assert run.states[0, -1] == pytest.approx(0.0, abs=1e-12)
     with pytest.raises(InputError, match=r"unknown parameter 'brake\.q'; did you mean 'brake\.k'\?"):
-        simulate_hybrid(CART, brake(), 1.0, params={"brake.q": 1.0})
+        run_loop(CART, brake(), 1.0, params={"brake.q": 1.0})
 
 
 def test_other_parameters_may_hold_from_a_tick_on():
@@ -180,21 +181,3 @@ def test_other_parameters_may_hold_from_a_tick_on():
     assert block.tick(0.0, {"v": 1.0}) == {"a": -2.0}
     block.set_parameters({"brake.k": 3.0})
     assert block.tick(0.25, {"v": 1.0}) == {"a": -3.0}
-
-
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        ((CART, CART.named("other"), 1.0), "block 'other' is continuous"),
-        ((counter(), brake(), 1.0), "block 'counter': sampled every 0.1 s"),
-        ((CART, [], 1.0), "expected at least one sampled block"),
-        ((CART, counter(), 1.0), "nothing drives the input 'a'"),
-        ((CART, [brake(), brake().named("b2")], 1.0), "'brake' and 'b2' both have an output 'a'"),
-        ((CART, brake(), -1.0), "until and step must be positive"),
-        ((CART, brake(), 1e9), "too many rows"),
-    ],
-)
-def test_what_does_not_fit_is_refused(arguments, said):
-    with pytest.raises(InputError) as refused:
-        simulate_hybrid(*arguments)
-    assert said in str(refused.value)

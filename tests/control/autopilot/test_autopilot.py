@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from hovercontrol.base.errors import InputError
 from hovercontrol.blocks.interconnect import interconnect
-from hovercontrol.blocks.simulation.hybrid import Ticking
+from hovercontrol.blocks.simulation.sampled import Ticking
 from hovercontrol.blocks.simulation.trajectory import simulate
 from hovercontrol.control.autopilot import (
     SWITCHES,

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from hovercontrol.base.errors import InputError
 from hovercontrol.blocks.interconnect import interconnect
-from hovercontrol.blocks.simulation.hybrid import Ticking, simulate_hybrid
+from hovercontrol.blocks.simulation.sampled import Ticking
 from hovercontrol.control.controllers.k06 import (
     bang_bang_heading,
     force_to_command,
@@ -24,6 +24,7 @@ from hovercontrol.control.controllers.k06.energy import (
     unwanted_level,
 )
 from hovercontrol.craft.models.vehicles import hoverdemon
+from tests.blocks.simulation.loops import run_loop
 
 M, J, D = 2.6, 0.096, 0.32
 DEGREE = math.radians(1.0)
@@ -116,7 +117,7 @@ def test_proportional_slows_down_no_faster_than_2_67_allows():
 def run(guidance, goal, until):
     law = [guidance, turn(k1=1.0, k2=2.5), force_to_command()]
     pilot = interconnect([setpoints(law, {"heading_ref": goal}), *law], "pilot")
-    response = simulate_hybrid(hoverdemon().plant(), pilot, until)
+    response = run_loop(hoverdemon().plant(), pilot, until)
     return response.time, dict(zip(response.output_labels, response.outputs, strict=True))
 
 

@@ -8,10 +8,11 @@ import pytest
 
 from hovercontrol.base.errors import InputError
 from hovercontrol.blocks.interconnect import interconnect
-from hovercontrol.blocks.simulation.hybrid import Ticking, simulate_hybrid
+from hovercontrol.blocks.simulation.sampled import Ticking
 from hovercontrol.control.controllers.k06 import both_ways, drive, force_to_command, origin, setpoints
 from hovercontrol.control.controllers.k06.origin import GOAL, MODE
 from hovercontrol.craft.models.vehicles import hoverdemon
+from tests.blocks.simulation.loops import run_loop
 
 #: What may follow a step (K06's steps 1 to 6; a goal already near is not driven to).
 NEXT = {
@@ -80,7 +81,7 @@ def test_astern_the_ideal_craft_comes_to_a_goal_behind_it_sooner():
         gains = {"k1": 8.0, "k2": 4.0, "reverse_k1": 8.0, "reverse_k2": 1.0, "alpha": 1.44}
         law = [origin(period=0.01, reverse_surge=astern), both_ways(**gains), force_to_command()]
         told = setpoints(law, {"goal_x_ref": -2.0, "goal_y_ref": 0.1, "goal_heading_ref": 0.0})
-        run = simulate_hybrid(hoverdemon().plant(), interconnect([told, *law], "pilot"), 45.0)
+        run = run_loop(hoverdemon().plant(), interconnect([told, *law], "pilot"), 45.0)
         c = dict(zip(run.output_labels, run.outputs, strict=True))
         resting = np.flatnonzero(c["mode"] == MODE.mode("rest"))
         arrived[astern] = run.time[resting[0]]
@@ -103,7 +104,7 @@ def test_the_ideal_craft_comes_to_its_goal(goal):
     law = [origin(period=0.005), drive(k1=8.0, k2=4.0), force_to_command()]
     told = setpoints(law, {s.name: g for s, g in zip(GOAL, goal, strict=True)})
     pilot = interconnect([told, *law], "pilot")
-    run = simulate_hybrid(hoverdemon().plant(), pilot, 60.0)
+    run = run_loop(hoverdemon().plant(), pilot, 60.0)
     c = dict(zip(run.output_labels, run.outputs, strict=True))
     steps = [MODE.modes[int(m)] for m in c["mode"][np.flatnonzero(np.diff(c["mode"], prepend=-1))]]
     assert steps[:2] == ["point", "drive"]

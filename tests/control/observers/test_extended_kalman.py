@@ -10,7 +10,7 @@ from scipy.stats import chi2
 
 import hovercontrol as hc
 from hovercontrol.base.errors import InputError
-from hovercontrol.blocks.simulation.hybrid import Ticking
+from hovercontrol.blocks.simulation.sampled import Ticking
 from tests.control.observers.observed_plants import (
     CRAFT_NOISE,
     NOISE,

@@ -8,7 +8,7 @@ import pytest
 from hovercontrol.base.errors import InputError
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.signals import Signal
-from hovercontrol.blocks.simulation.hybrid import Ticking
+from hovercontrol.blocks.simulation.sampled import Ticking
 from hovercontrol.control.observers.ins import aided_ins
 from hovercontrol.control.observers.ins.calibration import CALIBRATED, rest_calibration, restartable
 from hovercontrol.craft.hardware.sensors.platform import tilted_platform

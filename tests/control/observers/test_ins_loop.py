@@ -9,7 +9,7 @@ import sympy as sp
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.interconnect import rename
 from hovercontrol.blocks.signals import Signal, time
-from hovercontrol.blocks.simulation.hybrid import Ticking, simulate_hybrid
+from hovercontrol.blocks.simulation.sampled import Ticking
 from hovercontrol.control.observers.ins import (
     IMU_PERIOD,
     SensorErrors,
@@ -29,6 +29,7 @@ from hovercontrol.craft.hardware.sensors import (
 from hovercontrol.craft.hardware.sensors.cone import K06_CONE
 from hovercontrol.craft.hardware.sensors.cricket import K06_UNITS
 from hovercontrol.craft.models.vehicles import c17_simulation
+from tests.blocks.simulation.loops import run_loop
 
 #: Errors of :func:`k06_imu`; a little noise stands for what the trapezoidal rule leaves out.
 ERRORS = SensorErrors(acceleration_noise=(0.02, 0.02), gyro_walk=0.0, acceleration_walk=0.0, heading=0.2)
@@ -44,7 +45,7 @@ def flight():
     commands = [Signal("thrust"), Signal("rudder", "rad")]
     pilot = Block("pilot", [], [], commands, [second], {}, told, period=0.05)
     plant = with_specific_force(c17_simulation().plant())
-    response = simulate_hybrid(plant, pilot, SECONDS, step=IMU_PERIOD)
+    response = run_loop(plant, pilot, SECONDS, step=IMU_PERIOD)
     return response.time, dict(zip(response.output_labels, response.outputs, strict=True))
 
 

@@ -12,7 +12,6 @@ from hovercontrol.base.errors import InputError
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.interconnect import interconnect, rename
 from hovercontrol.blocks.signals import Signal
-from hovercontrol.blocks.simulation.hybrid import simulate_hybrid
 from hovercontrol.control.observers.ins import (
     IMU_PERIOD,
     K06_NOISE,
@@ -27,6 +26,7 @@ from hovercontrol.control.observers.ins import (
 )
 from hovercontrol.craft.hardware.sensors import Beacons
 from hovercontrol.craft.models.vehicles import c17_simulation
+from tests.blocks.simulation.loops import run_loop
 
 ARM, RATE = 0.3048, -2.9  # 12 inches, -166 deg/s
 DT = IMU_PERIOD
@@ -179,7 +179,7 @@ def test_navigation_in_a_hybrid_loop():
     filters = aided_ins(noise=noise_from_sensors(period=0.02), period=0.02, pose=(0.02, -ARM, 0.01))
     # a hybrid Block has no room for brackets in the names of held outputs
     filters = rename(filters, {s.name: re.sub(r"\W", "_", s.name).strip("_") for s in filters.outputs})
-    response = simulate_hybrid(platform, [sensors, filters], 10.0)
+    response = run_loop(platform, [sensors, filters], 10.0)
     found = dict(zip(response.output_labels, response.outputs, strict=True))
     assert abs(found["psi_hat"][-1] - found["psi"][-1]) < 3 * np.sqrt(found["P1_0_0"][-1])
     true = [ARM * np.sin(found["psi"][-1]), -ARM * np.cos(found["psi"][-1])]

@@ -5,7 +5,7 @@ import pytest
 
 import hovercontrol as hc
 from hovercontrol.base.errors import InputError
-from hovercontrol.blocks.simulation.hybrid import Ticking
+from hovercontrol.blocks.simulation.sampled import Ticking
 from hovercontrol.control.observers import kalman_bucy, sampled_estimator
 
 T, N = 0.05, 300

@@ -6,7 +6,7 @@ import sympy as sp
 
 import hovercontrol as hc
 from hovercontrol.base.errors import InputError
-from hovercontrol.blocks.simulation.hybrid import Ticking
+from hovercontrol.blocks.simulation.sampled import Ticking
 from tests.control.observers.observed_plants import NOISE, START, H, cart, covariance, soft_craft
 
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from hovercontrol.base.errors import InputError
 from hovercontrol.blocks.interconnect import interconnect
-from hovercontrol.blocks.simulation.hybrid import Ticking, simulate_hybrid
+from hovercontrol.blocks.simulation.sampled import Ticking
 from hovercontrol.control.controllers.k06 import force_to_command, stop, turn
 from hovercontrol.control.controllers.k06.setpoints import setpoints
 from hovercontrol.craft.hardware.actuators import (
@@ -32,6 +32,7 @@ from hovercontrol.craft.hardware.actuators import (
 )
 from hovercontrol.craft.hardware.actuators.signals import RPM
 from hovercontrol.craft.models.vehicles import hoverdemon
+from tests.blocks.simulation.loops import run_loop
 
 DEG = math.pi / 180
 
@@ -190,7 +191,7 @@ def run(law, parts, until=8.0, **start):
     else:
         blocks, moving = [*ticking(law), *parts.sampled], parts.moving(plant)
     names = {s.name.rpartition(".")[2]: s.name for s in moving.states}
-    response = simulate_hybrid(moving, blocks, until, x0={names[k]: v for k, v in start.items()})
+    response = run_loop(moving, blocks, until, x0={names[k]: v for k, v in start.items()})
     return response.time, dict(zip(response.output_labels, response.outputs, strict=True))
 
 

@@ -7,7 +7,7 @@ from scipy.optimize import brentq
 from hovercontrol.base.errors import InputError
 from hovercontrol.blocks.backends.compiler import NoCompilerError, find_compiler
 from hovercontrol.blocks.interconnect import interconnect
-from hovercontrol.blocks.simulation.hybrid import Ticking
+from hovercontrol.blocks.simulation.sampled import Ticking
 from hovercontrol.control.autopilot import Imperfections, autopilot, beside_ideal
 from hovercontrol.control.controllers.k06 import force_to_command, reverse, setpoints
 from hovercontrol.craft.hardware.actuators import (

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hovercontrol.base.errors import InputError
-from hovercontrol.blocks.simulation.hybrid import Ticking
+from hovercontrol.blocks.simulation.sampled import Ticking
 from hovercontrol.blocks.simulation.trajectory import simulate
 from hovercontrol.craft.hardware.actuators import fan_motor, speed_controller
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from hovercontrol.base.errors import InputError
 from hovercontrol.blocks.signals import Signal
-from hovercontrol.blocks.simulation.hybrid import Ticking
+from hovercontrol.blocks.simulation.sampled import Ticking
 from hovercontrol.craft.hardware.links import constant_delay, k06_downlink, k06_uplink
 
 THRUST, RUDDER = Signal("thrust", "N", start=0.5), Signal("rudder", "rad")

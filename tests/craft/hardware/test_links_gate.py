@@ -5,7 +5,7 @@ import pytest
 from hovercontrol.base.errors import InputError
 from hovercontrol.blocks.interconnect import interconnect
 from hovercontrol.blocks.signals import Signal
-from hovercontrol.blocks.simulation.hybrid import Ticking
+from hovercontrol.blocks.simulation.sampled import Ticking
 from hovercontrol.craft.hardware.links import lossy_link
 from hovercontrol.craft.hardware.links.failsafe import failsafe
 

@@ -6,7 +6,7 @@ import pytest
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.functions import numpy_functions
 from hovercontrol.blocks.signals import Signal
-from hovercontrol.blocks.simulation.hybrid import Ticking, simulate_hybrid
+from hovercontrol.blocks.simulation.sampled import Ticking
 from hovercontrol.control.analysis.packet_loss import PacketLoop
 from hovercontrol.craft.hardware.links import (
     BoundedDelays,
@@ -15,6 +15,7 @@ from hovercontrol.craft.hardware.links import (
     empirical_delay,
     lossy_link,
 )
+from tests.blocks.simulation.loops import run_loop
 
 Y = Signal("y")
 RUNS = 20_000
@@ -76,7 +77,7 @@ def test_a_round_trip_takes_what_both_links_take():
     up = empirical_delay(
         [clock.replace(name="clock_received")], bluetooth_delays("linksys_22.0_uplink"), 0.02, name="uplink"
     )
-    run = simulate_hybrid(plant, [down, up], 1.5)
+    run = run_loop(plant, [down, up], 1.5)
     late = (run.time - run.outputs[run.output_labels.index("clock_received_received")])[200:]
     age = run.outputs[run.output_labels.index("uplink_age")][200:]
     assert late.min() >= 0.019 + 0.022 - 1e-9  # the least of both

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from hovercontrol.base.errors import InputError
 from hovercontrol.blocks.functions import numpy_functions
 from hovercontrol.blocks.signals import Signal
-from hovercontrol.blocks.simulation.hybrid import Ticking
+from hovercontrol.blocks.simulation.sampled import Ticking
 from hovercontrol.craft.hardware.links import TABLE_5_1, bluetooth_delays, empirical_delay, lossy_link
 
 Y, Z = Signal("y", "m", start=0.25), Signal("z")

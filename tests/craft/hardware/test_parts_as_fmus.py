@@ -9,7 +9,7 @@ from fmpy import read_model_description, simulate_fmu
 from fmpy.validation import validate_fmu
 
 from hovercontrol.app.commands.exportable_parts import PARTS
-from hovercontrol.blocks.simulation.hybrid import Ticking
+from hovercontrol.blocks.simulation.sampled import Ticking
 from hovercontrol.fmi.exporter.description import Experiment, model_description
 from hovercontrol.fmi.exporter.variables import Interface
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from hovercontrol.base.errors import InputError
-from hovercontrol.blocks.simulation.hybrid import Ticking
+from hovercontrol.blocks.simulation.sampled import Ticking
 from hovercontrol.craft.hardware.sensors import (
     Beacons,
     arrivals,

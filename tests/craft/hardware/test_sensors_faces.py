@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from hovercontrol.blocks.interconnect import interconnect
-from hovercontrol.blocks.simulation.hybrid import Ticking
+from hovercontrol.blocks.simulation.sampled import Ticking
 from hovercontrol.blocks.simulation.trajectory import simulate
 from hovercontrol.craft.hardware.sensors import (
     Beacons,

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from hovercontrol.base.errors import InputError
 from hovercontrol.blocks.block import Block
-from hovercontrol.blocks.simulation.hybrid import Ticking, simulate_hybrid
+from hovercontrol.blocks.simulation.sampled import Ticking
 from hovercontrol.craft.hardware.sensors import (
     gyro_compensation,
     gyro_dynamics,
@@ -20,6 +20,7 @@ from hovercontrol.craft.hardware.sensors import (
     with_specific_force,
 )
 from hovercontrol.craft.models.vehicles import VEHICLES, hoverdemon
+from tests.blocks.simulation.loops import run_loop
 
 AT_REST = {"specific_force_x": 0.0, "specific_force_y": 0.0, "r": 0.0}
 CHANNELS = ("acceleration_x", "acceleration_y", "yaw_rate")
@@ -236,7 +237,7 @@ def test_plant_gyro_and_imu_run_together():
         output_expressions={p.name: s.symbol for p, s in zip(plant.inputs, push, strict=True)},
         period=0.0065536,
     )
-    run = simulate_hybrid(plant, [pilot, gyro_dynamics(), imu(rate="gyro_rate")], 2.0)
+    run = run_loop(plant, [pilot, gyro_dynamics(), imu(rate="gyro_rate")], 2.0)
     told = dict(zip(run.output_labels, run.outputs, strict=True))
     # No drag: the force alone is felt, turned by the rudder.
     assert told["acceleration_x"] == pytest.approx(0.26 * math.cos(0.1) / 2.6, abs=1e-9)

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hovercontrol.base.errors import InputError
-from hovercontrol.blocks.simulation.hybrid import Ticking
+from hovercontrol.blocks.simulation.sampled import Ticking
 from hovercontrol.craft.hardware.sensors import k06_magnetometer, magnetic_heading, magnetometer
 
 FIELD = 2.1e-5

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from hovercontrol.base.errors import InputError
 from hovercontrol.blocks.signals import Signal
-from hovercontrol.blocks.simulation.hybrid import Ticking
+from hovercontrol.blocks.simulation.sampled import Ticking
 from hovercontrol.control.autopilot.turntable import bench_command, turntable
 from hovercontrol.documents import printed
 from hovercontrol.documents.k06 import bench, gyro

@@ -53,7 +53,7 @@ def rest_calibration(
 
     Examples
     --------
-    >>> from hovercontrol.blocks.simulation.hybrid import Ticking
+    >>> from hovercontrol.blocks.simulation.sampled import Ticking
     >>> run = Ticking(rest_calibration(seconds=0.02, period=0.01))
     >>> still = {"acceleration_x_raw": 0.0981, "acceleration_y_raw": 0.0, "yaw_rate_raw": 0.2}
     >>> seen = [run.tick(0.01 * k, {**still, "calibrate": float(k > 0)}) for k in range(3)]
@@ -141,7 +141,7 @@ def restartable(block: Block, restart: Signal, kept: Mapping[str, sp.Expr] | Non
 
     Examples
     --------
-    >>> from hovercontrol.blocks.simulation.hybrid import Ticking
+    >>> from hovercontrol.blocks.simulation.sampled import Ticking
     >>> n = Signal("n", start=5.0)
     >>> counter = Block("counter", [n], [], [n], derivatives={"n": n.symbol + 1}, period=0.1)
     >>> run = Ticking(restartable(counter, CALIBRATED))

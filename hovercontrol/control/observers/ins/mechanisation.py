@@ -62,7 +62,7 @@ def ins_mechanisation(
 
     Examples
     --------
-    >>> from hovercontrol.blocks.simulation.hybrid import Ticking
+    >>> from hovercontrol.blocks.simulation.sampled import Ticking
     >>> ins = Ticking(ins_mechanisation(period=0.5))
     >>> for k in range(3):
     ...     found = ins.tick(0.5 * k, {"acceleration_x": 2.0, "acceleration_y": 0.0, "yaw_rate": 0.0})

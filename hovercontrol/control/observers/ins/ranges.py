@@ -209,7 +209,7 @@ def range_arrivals(count: int, *, period: float = IMU_PERIOD, name: str = "range
 
     Examples
     --------
-    >>> from hovercontrol.blocks.simulation.hybrid import Ticking
+    >>> from hovercontrol.blocks.simulation.sampled import Ticking
     >>> block = Ticking(range_arrivals(1))
     >>> [block.tick(0.0, {"range_valid": v, "range_unit": u, "range_1_heard": 1})["range_1_valid"]
     ...  for v, u in ((1, 1), (1, 1), (1, 2), (0, 0), (1, 1))]

@@ -47,7 +47,7 @@ class Actuators:
 
     @property
     def sampled(self) -> tuple[Block, ...]:
-        """The sampled Blocks after a law, in order, for ``simulate_hybrid``."""
+        """The sampled Blocks after a law, in order."""
         return (*self.pilot, *self.board)
 
     def moving(self, plant: Block) -> Block:

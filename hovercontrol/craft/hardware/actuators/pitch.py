@@ -183,7 +183,7 @@ def pitch_servo(*, lag: float = 0.05, period: float = UPDATE, name: str = "pitch
 
     Examples
     --------
-    >>> from hovercontrol.blocks.simulation.hybrid import Ticking
+    >>> from hovercontrol.blocks.simulation.sampled import Ticking
     >>> servo = Ticking(pitch_servo(lag=0.02))
     >>> [round(servo.tick(0.02 * k, {"pitch_command": 0.1})["blade_pitch"], 4) for k in range(3)]
     [0.0632, 0.0865, 0.095]

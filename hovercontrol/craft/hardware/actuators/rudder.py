@@ -162,7 +162,7 @@ def rudder_servo(
 
     Examples
     --------
-    >>> from hovercontrol.blocks.simulation.hybrid import Ticking
+    >>> from hovercontrol.blocks.simulation.sampled import Ticking
     >>> servo = Ticking(rudder_servo(slew=1.0))
     >>> [round(servo.tick(0.02 * k, {"servo_command": 2e-3})["rudder_angle"], 3) for k in range(3)]
     [0.02, 0.04, 0.06]

@@ -58,7 +58,7 @@ def speed_controller(
 
     Examples
     --------
-    >>> from hovercontrol.blocks.simulation.hybrid import Ticking
+    >>> from hovercontrol.blocks.simulation.sampled import Ticking
     >>> drive = Ticking(speed_controller(update=0.0))
     >>> modes = [drive.tick(0.001 * k, {"fan_speed_command": k - 9.5})["drive_mode"] for k in range(200)]
     >>> int(sum(modes))  # milliseconds of braking

@@ -77,7 +77,7 @@ def empirical_delay(
     Examples
     --------
     >>> from hovercontrol.craft.hardware.links import bluetooth_delays
-    >>> from hovercontrol.blocks.simulation.hybrid import Ticking
+    >>> from hovercontrol.blocks.simulation.sampled import Ticking
     >>> uplink = empirical_delay([Signal("thrust", "N")], bluetooth_delays("linksys_22.0_uplink"), 0.02)
     >>> run = Ticking(uplink)
     >>> seen = [run.tick(0.001 * k, {"thrust": 3.0}) for k in range(200)]
@@ -134,7 +134,7 @@ def lossy_link(
 
     Examples
     --------
-    >>> from hovercontrol.blocks.simulation.hybrid import Ticking
+    >>> from hovercontrol.blocks.simulation.sampled import Ticking
     >>> link = Ticking(lossy_link([Signal("y")], 0.5, 0.02, retransmissions=2, timeout=0.005))
     >>> last = [link.tick(0.001 * k, {"y": 1.0}) for k in range(1000)][-1]
     >>> int(last["link_messages"]), int(last["link_delivered"] + last["link_lost"])

@@ -48,7 +48,7 @@ def arrivals(
 
     Examples
     --------
-    >>> from hovercontrol.blocks.simulation.hybrid import Ticking
+    >>> from hovercontrol.blocks.simulation.sampled import Ticking
     >>> once = Ticking(arrivals(["fix_valid"]))
     >>> [once.tick(0.0, {"fix_valid": held})["fix_arrived"] for held in (0, 1, 1, 1, 0, 1)]
     [0, 1, 0, 0, 0, 1]

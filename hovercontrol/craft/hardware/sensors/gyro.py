@@ -53,7 +53,7 @@ def gyro_dynamics(
 
     Examples
     --------
-    >>> from hovercontrol.blocks.simulation.hybrid import Ticking
+    >>> from hovercontrol.blocks.simulation.sampled import Ticking
     >>> gyro = Ticking(gyro_dynamics())
     >>> [round(gyro.tick(0.0, {"r": 1.0})["gyro_rate"], 4) for k in range(3)]
     [0.3236, 0.6409, 0.8582]
@@ -94,7 +94,7 @@ def gyro_compensation(
 
     Examples
     --------
-    >>> from hovercontrol.blocks.simulation.hybrid import Ticking
+    >>> from hovercontrol.blocks.simulation.sampled import Ticking
     >>> undo = Ticking(gyro_compensation())
     >>> [round(undo.tick(0.0, {"yaw_rate": y})["yaw_rate_compensated"], 9) for y in (0.3236, 0.6408898)]
     [1.0, 1.0]

@@ -79,7 +79,7 @@ def imu(
 
     Examples
     --------
-    >>> from hovercontrol.blocks.simulation.hybrid import Ticking
+    >>> from hovercontrol.blocks.simulation.sampled import Ticking
     >>> off = Ticking(imu(yaw_rate_bias=0.5, yaw_rate_limit=2.0))
     >>> off.tick(0.0, {"specific_force_x": 1.0, "specific_force_y": 0.0, "r": 1.8})
     {'acceleration_x': 1.0, 'acceleration_y': 0.0, 'yaw_rate': 2.0}

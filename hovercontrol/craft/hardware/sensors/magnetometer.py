@@ -118,7 +118,7 @@ def magnetometer(
 
     Examples
     --------
-    >>> from hovercontrol.blocks.simulation.hybrid import Ticking
+    >>> from hovercontrol.blocks.simulation.sampled import Ticking
     >>> round(Ticking(magnetometer()).tick(0.0, {"psi": 0.5})["heading_magnetic"], 9)
     0.5
     """

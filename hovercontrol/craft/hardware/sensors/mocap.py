@@ -57,7 +57,7 @@ def mocap(
 
     Examples
     --------
-    >>> from hovercontrol.blocks.simulation.hybrid import Ticking
+    >>> from hovercontrol.blocks.simulation.sampled import Ticking
     >>> camera = Ticking(mocap(period=0.5))
     >>> [camera.tick(0.5 * k, {"x": 1.0 * k, "y": 0.0, "psi": 0.0})["u_measured"] for k in range(3)]
     [0.0, 2.0, 2.0]

@@ -64,7 +64,7 @@ def poor_view(
 
     Examples
     --------
-    >>> from hovercontrol.blocks.simulation.hybrid import Ticking
+    >>> from hovercontrol.blocks.simulation.sampled import Ticking
     >>> view = Ticking(poor_view(centre=(1.0, 0.0), radius=0.5, position_noise=0.1))
     >>> view.tick(0.0, {"x": 0.0, "y": 0.0, "psi": 0.0})["x_viewed"]
     0.0

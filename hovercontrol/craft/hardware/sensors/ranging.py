@@ -98,7 +98,7 @@ def cricket_ranges(
 
     Examples
     --------
-    >>> from hovercontrol.blocks.simulation.hybrid import Ticking
+    >>> from hovercontrol.blocks.simulation.sampled import Ticking
     >>> square = Beacons([(0, 0), (2, 0), (0, 2)], 2.0)
     >>> unit = Ticking(cricket_ranges(square, [(0, 0)], slots=2))
     >>> [float(unit.tick(0.0, {"x": 0.0, "y": 0.0, "psi": 0.0})["range_1"]) for k in range(3)]

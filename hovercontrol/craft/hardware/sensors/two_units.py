@@ -71,7 +71,7 @@ def two_unit_heading(
 
     Examples
     --------
-    >>> from hovercontrol.blocks.simulation.hybrid import Ticking
+    >>> from hovercontrol.blocks.simulation.sampled import Ticking
     >>> heading = Ticking(two_unit_heading([(0.1, 0), (-0.1, 0)]))
     >>> still = dict(fix_x=0.0, fix_y=0.2, fix_2_x=0.0, fix_2_y=0.0)
     >>> first = heading.tick(0.0, {**still, "fix_valid": 1.0, "fix_2_valid": 0.0})

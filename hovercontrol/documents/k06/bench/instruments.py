@@ -45,7 +45,7 @@ def sample_delay(
 
     Examples
     --------
-    >>> from hovercontrol.blocks.simulation.hybrid import Ticking
+    >>> from hovercontrol.blocks.simulation.sampled import Ticking
     >>> late = Ticking(sample_delay([Signal("a")], "late", name="line"))
     >>> [late.tick(0.0, {"a": a})["a_late"] for a in (1.0, 2.0, 3.0)]
     [0.0, 0.0, 1.0]
@@ -93,7 +93,7 @@ def encoder(*, positions: int = POSITIONS, interval: float = 1.0, name: str = "e
 
     Examples
     --------
-    >>> from hovercontrol.blocks.simulation.hybrid import Ticking
+    >>> from hovercontrol.blocks.simulation.sampled import Ticking
     >>> round(Ticking(encoder(positions=4)).tick(0.0, {"psi": 1.0})["encoder_psi"], 4)  # a quarter turn
     1.5708
     """
