@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-#: The file that is open.
+#: The files that were opened; the last is read.
 _opened: list[Any] = []
 
 
@@ -48,7 +48,7 @@ def values(group: int, channels: list[int | None]) -> tuple[list[dict[str, Any]]
     for n, channel in enumerate(channels):
         if channel is None:
             about.append({})
-            found[f"{n}"] = np.asarray(_opened[0].get_master(group))
+            found[f"{n}"] = np.asarray(_opened[-1].get_master(group))
             continue
         said, numbers, raw = _channel(group, channel)
         about.append(said)
@@ -61,7 +61,7 @@ def values(group: int, channels: list[int | None]) -> tuple[list[dict[str, Any]]
 
 
 def _channel(group: int, channel: int) -> tuple[dict[str, Any], Any, Any]:
-    measured, where = _opened[0], {"group": group, "index": channel, "ignore_invalidation_bits": True}
+    measured, where = _opened[-1], {"group": group, "index": channel, "ignore_invalidation_bits": True}
     raw = measured.get(**where, raw=True)
     labels = list(_labels(raw.conversion))
     if not labels:
@@ -79,7 +79,7 @@ def _channel(group: int, channel: int) -> tuple[dict[str, Any], Any, Any]:
 
 def frames(group: int) -> tuple[None, dict[str, Any]]:
     """Return the frames of a group; `extended`, `lengths` and `channels` where they are stated."""
-    measured = _opened[0]
+    measured = _opened[-1]
     names = {c.name for c in measured.groups[group].channels}
     wanted = {
         "ids": "ID", "extended": "IDE", "data": "DataBytes", "lengths": "DataLength", "channels": "BusChannel"

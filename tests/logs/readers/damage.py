@@ -10,18 +10,22 @@ import multiprocessing
 import multiprocessing.connection
 import os
 import signal
+import subprocess
 import sys
 import tempfile
 import time
 import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from hovercontrol.base.errors import InputError
+from hovercontrol.logs.readers import apart
 from hovercontrol.logs.readers.tables import Tables
 from hovercontrol.logs.source import open_log
 from tests.logs.readers import test_matlab, written, written_ros
@@ -97,6 +101,28 @@ def read_all(file: Path) -> str:
             raise AssertionError(f"not one line that names the file: {error}") from None
         return "one line"
     return "rows"
+
+
+@contextmanager
+def one_process() -> Iterator[None]:
+    """Keep a library's own process from file to file until it ends: its imports take a second."""
+    running: dict[str, subprocess.Popen[bytes]] = {}
+
+    def start(command: list[str], **options: object) -> subprocess.Popen[bytes]:
+        script = command[-1]
+        if script not in running or running[script].stdin.closed or running[script].poll() is not None:
+            running[script] = subprocess.Popen(command, **options)
+        return running[script]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(apart, "subprocess", SimpleNamespace(**{**vars(subprocess), "Popen": start}))
+        patch.setattr(apart, "weakref", SimpleNamespace(finalize=lambda *ended: None))
+        try:
+            yield
+        finally:
+            for process in running.values():
+                process.kill()
+                process.communicate()
 
 
 def mutate(name: str, folder: Path, which: range) -> Iterator[tuple[int, str]]:
