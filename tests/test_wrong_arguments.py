@@ -26,7 +26,7 @@ def test_everything_offered_passes_the_gate():
 
 @pytest.mark.slow
 def test_wrong_arguments_are_refused_in_one_line():
-    calls = sound_calls(2.0)  # those whose examples come to their call soon; the fuzzer has the others
+    calls = sound_calls(0.5)  # those whose examples come to their call soon; the fuzzer has the others
     count = walk(calls, seconds=0.3, every=5)
     assert count.broken == []
     assert len(calls) > 0.8 * len(CALLABLES) and count.total() > 200 * len(WRONG)

@@ -47,17 +47,21 @@ REFUSED = {
 
 #: What a file may break without harm.
 MENDED = {
+    "stdout": "import sys\nsys.stdout = None",
+    "stdout replaced": "import io, sys\nsys.stdout = io.StringIO()",
+    "imports": "import sys\nsys.modules['numpy'] = None\nsys.meta_path.clear()",
+    "built-in": "import builtins\nbuiltins.print = builtins.open = builtins.zip = None",
+}
+
+#: The same of what belongs to the whole process.
+MENDED_APART = {
     "settings": "import os, signal, sys, warnings\nimport numpy as np\nos.chdir('/')\nos.umask(0o777)\n"
     "warnings.simplefilter('error')\nnp.seterr(all='raise')\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\n"
     "sys.setrecursionlimit(80)",
-    "stdout": "import sys\nsys.stdout = None",
-    "stdout replaced": "import io, sys\nsys.stdout = io.StringIO()",
     "stdout closed": "import sys\nsys.stdout.close()\nsys.stderr.close()",
     "stdout really closed": "import sys\nsys.__stdout__.close()",
     "descriptor": "import os\nos.close(1)\nos.close(2)",
     "null": "import os\nos.dup2(os.open(os.devnull, os.O_WRONLY), 1)",
-    "imports": "import sys\nsys.modules['numpy'] = None\nsys.meta_path.clear()",
-    "built-in": "import builtins\nbuiltins.print = builtins.open = builtins.zip = None",
     "threads": "import threading, time\nthreading.Thread(target=time.sleep, args=(0.01,)).start()\n"
     "threading.Thread(target=time.sleep, args=(99,), daemon=True).start()\n"
     "from concurrent.futures import ThreadPoolExecutor\nThreadPoolExecutor(2).submit(print, end='')",
@@ -79,16 +83,29 @@ def test_what_a_file_does_is_refused_in_one_line_that_names_it(call, tmp_path, n
     assert sys.path == before and [p.name for p in tmp_path.iterdir() if p.suffix] == ["model.py"]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", MENDED)
-def test_what_a_file_breaks_is_mended(tmp_path, name):
-    """In a process of its own, as what it closes is the test's own otherwise."""
-    words = [*RUN, "export", "model.py", "-o", "plant.fmu", "--platforms", "x86_64-linux"]
-    done = subprocess.run(
-        words, cwd=written(tmp_path, MENDED[name]), capture_output=True, text=True, timeout=60
-    )
+EXPORT = ["export", "model.py", "-o", "plant.fmu", "--platforms", "x86_64-linux"]
+
+
+def assert_exported(folder, done):
     assert done.returncode == 0 and done.stdout.startswith("wrote plant.fmu: FMI 3.0"), done.stderr
-    assert (tmp_path / "plant.fmu").stat().st_mode & 0o777 == 0o666 & ~umask()
+    assert (folder / "plant.fmu").stat().st_mode & 0o777 == 0o666 & ~umask()
+
+
+@pytest.mark.parametrize("name", MENDED)
+def test_what_a_file_breaks_is_mended(call, tmp_path, name):
+    assert_exported(tmp_path, call(*EXPORT, cwd=written(tmp_path, MENDED[name])))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", MENDED_APART)
+def test_what_a_file_breaks_of_its_process_is_mended(tmp_path, name):
+    assert_exported(tmp_path, apart(tmp_path, MENDED_APART[name]))
+
+
+def apart(folder, code, words=EXPORT):
+    """Run a command on a file in a process of its own."""
+    words = [*RUN, *words]
+    return subprocess.run(words, cwd=written(folder, code), capture_output=True, text=True, timeout=60)
 
 
 def umask():
@@ -108,10 +125,7 @@ LEFT = {
 @pytest.mark.parametrize("kind", LEFT)
 def test_what_is_left_running_is_refused_and_the_command_ends(tmp_path, kind):
     begun = time.monotonic()
-    words = [*RUN, "simulate", "model.py"]
-    done = subprocess.run(
-        words, cwd=written(tmp_path, LEFT[kind]), capture_output=True, text=True, timeout=60
-    )
+    done = apart(tmp_path, LEFT[kind], ["simulate", "model.py"])
     assert done.returncode == 2 and done.stdout == ""
     assert done.stderr.startswith(f"hovercontrol: model.py: leaves the {kind} 'mine' running")
     assert done.stderr.count("\n") == 1 and time.monotonic() - begun < 30
@@ -127,9 +141,7 @@ def test_what_is_left_running_is_refused_and_the_command_ends(tmp_path, kind):
     ],
 )
 def test_what_delays_the_end_of_python_is_not_waited_for(tmp_path, code):
-    words = [*RUN, "simulate", "model.py", "--duration", "1", "--out", "out"]
-    done = subprocess.run(words, cwd=written(tmp_path, code), capture_output=True, text=True, timeout=60)
-    assert done.returncode == 0 and (tmp_path / "out" / "log.csv").exists()
+    assert_exported(tmp_path, apart(tmp_path, code))
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
@@ -137,8 +149,7 @@ def test_what_delays_the_end_of_python_is_not_waited_for(tmp_path, code):
 @pytest.mark.parametrize("more", ["\nif not pid: raise SystemExit", "\nif not pid: 1 / 0"])
 def test_a_fork_runs_the_command_once(tmp_path, more):
     code = f"import os\npid = os.fork(){more}\nif pid: os.waitpid(pid, 0)"
-    words = [*RUN, "export", "model.py", "-o", "plant.fmu", "--platforms", "x86_64-linux"]
-    done = subprocess.run(words, cwd=written(tmp_path, code), capture_output=True, text=True, timeout=60)
+    done = apart(tmp_path, code)
     assert done.returncode == 0 and done.stdout.count("wrote") == 1
     assert "ZeroDivisionError" not in done.stderr
 
@@ -215,8 +226,7 @@ for _ in range(1000): print("x" * 100)
 
 @pytest.mark.slow
 def test_what_a_file_prints_is_not_in_the_json_value(tmp_path):
-    words = [*RUN, "simulate", "model.py", "--duration", "1", "--json", "--out", "out"]
-    done = subprocess.run(words, cwd=written(tmp_path, PRINTS), capture_output=True, text=True, timeout=60)
+    done = apart(tmp_path, PRINTS, ["simulate", "model.py", "--duration", "1", "--json", "--out", "out"])
     assert done.returncode == 0 and json.loads(done.stdout)["scenario"] == "c17_simulation"
     for said in ("by print", "by write", "by descriptor", "by a process", "at the original", "at the end"):
         assert said in done.stderr
