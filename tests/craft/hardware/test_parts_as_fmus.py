@@ -29,12 +29,15 @@ RUN = (
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", PARTS)
-def test_every_part_has_a_valid_description_and_says_what_it_is(name, tmp_path):
+def test_every_part_has_a_valid_description_finite_outputs_and_says_what_it_is(name, tmp_path):
     part = PARTS[name]
     assert 10 < len(part.says) < 200 and "`" not in part.says
     block = part.block(name)
     assert block.name.replace("_", ".") == name.replace("_", ".")
-    exported = Interface(block.in_continuous_time)
+    whole = block.in_continuous_time
+    starts = ([s.start for s in group] for group in (whole.states, whole.inputs))
+    assert np.isfinite(whole.to_numpy().outputs(0.0, *starts)).all()
+    exported = Interface(whole)
     described = model_description(exported, 3, "token", Experiment(1.0, 0.01, 1e-6), part.says, [])
     path = tmp_path / "modelDescription.xml"
     path.write_bytes(described)

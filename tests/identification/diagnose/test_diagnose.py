@@ -94,12 +94,12 @@ def test_a_craft_that_grows_lighter_has_a_thrust_that_grows_with_time():
 
 @pytest.mark.slow
 def test_gusts_are_no_effect_and_hide_none():
-    case = make(14, ["slope"], Conditions(duration=40.0, gusts=True))
+    case = make(14, ["slope"], Conditions(duration=24.0, gusts=True))
     found = diagnose(case.model, case.logs)
     assert found.verdict == "partial" and named(found) == ["slope"]
     level = found.selection.final.noise.process
     np.testing.assert_allclose(level, [0.05, 0.05, 0.15], rtol=0.5)
-    calm = make(15, [], Conditions(duration=40.0, gusts=True))
+    calm = make(15, [], Conditions(duration=24.0, gusts=True))
     found = diagnose(calm.model, calm.logs)
     assert found.verdict == "unexplained" and not found.effects
 
