@@ -25,7 +25,7 @@ COMMANDS = {
     "sweep": ["sweep", "k06-turn", "--vary", "controller.k2=0.5:6:3", "--of", "r", "--json"],
     "check": ["check", "out/k06-turn/log.csv", "--json"],
     "export": ["export", "table1:plant", "--friction", "events", "--json"],
-    "analyze": ["analyze", "c17_gain_region", "--json"],
+    "analyze": ["analyze", "k06_gyro", "--json"],
     "table1": ["simulate", "table1", "--json"],
     "identify": ["identify", "--sample", "--json"],
     "items": ["analyze", "c17 table 1", "--json"],
