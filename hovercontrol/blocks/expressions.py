@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
@@ -67,17 +67,19 @@ def with_symbols(expression: sp.Expr, swap: Mapping[sp.Symbol, sp.Symbol]) -> sp
     def changed(e: sp.Basic) -> sp.Basic:
         if e in done or not e.args:
             return done.get(e, e)
-        args = [changed(a) for a in e.args]
-        if all(a is b for a, b in zip(args, e.args, strict=True)):
-            found = e
-        elif isinstance(e, (sp.Min, sp.Max, sp.Piecewise, Relational, BooleanFunction)):
-            found = e.func(*args, evaluate=False)
-        else:
-            found = e.func(*args)
-        done[e] = found
-        return found
+        done[e] = rebuilt(e, [changed(a) for a in e.args])
+        return done[e]
 
     return changed(expression)
+
+
+def rebuilt(e: sp.Basic, args: Sequence[sp.Basic]) -> sp.Basic:
+    """Return an expression with other arguments; minima, maxima and conditions are not simplified again."""
+    if all(a is b for a, b in zip(args, e.args, strict=True)):
+        return e
+    if isinstance(e, (sp.Min, sp.Max, sp.Piecewise, Relational, BooleanFunction)):
+        return e.func(*args, evaluate=False)
+    return e.func(*args)
 
 
 class Definitions(dict[str, sp.Expr]):

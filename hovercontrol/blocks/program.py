@@ -11,8 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 import sympy as sp
 from sympy.core.relational import Relational
+from sympy.simplify.cse_main import opt_cse
 
 from hovercontrol.blocks.derivatives import needed_definitions
+from hovercontrol.blocks.expressions import rebuilt
 from hovercontrol.blocks.sgn import regularise
 
 if TYPE_CHECKING:
@@ -42,17 +44,10 @@ class Program:
     """
 
     def __init__(self, block: Block, wanted: Sequence[sp.Expr]) -> None:
-        block.need_prompt_inputs("a function of one instant")
-        used = needed_definitions(block, wanted)
-        definitions = [(sp.Symbol(n, real=True), regularise(block.definitions[n])) for n in used]
-        results = [regularise(e) for e in wanted]
-        taken = {s.name for e in (*results, *(e for _, e in definitions)) for s in e.free_symbols}
-        names = (s for s in sp.numbered_symbols("_c", real=True) if s.name not in taken)
-        pieces, reduced = sp.cse(
-            [*(e for _, e in definitions), *results], symbols=names, order="none", list=True
-        )
+        definitions, results = equations(block, wanted)
+        pieces, reduced = common_parts([*definitions.values(), *results])
         bodies = dict(pieces) | {
-            s: e for (s, _), e in zip(definitions, reduced[: len(definitions)], strict=True)
+            sp.Symbol(n, real=True): e for n, e in zip(definitions, reduced[: len(definitions)], strict=True)
         }
         self.results: list[sp.Expr] = list(reduced[len(definitions) :])
         self.steps = _in_order(bodies, self.results)
@@ -91,6 +86,62 @@ class Program:
         """All symbols in the program."""
         every = [*(e for _, e in self.steps), *self.results]
         return set().union(*(e.free_symbols for e in every))
+
+
+def equations(block: Block, wanted: Sequence[sp.Expr]) -> tuple[dict[str, sp.Expr], list[sp.Expr]]:
+    """Return the definitions that some expressions need, in order, and the expressions, for one instant.
+
+    Raises
+    ------
+    InputError
+        If the Block has delayed inputs.
+    """
+    block.need_prompt_inputs("a function of one instant")
+    used = needed_definitions(block, wanted)
+    return {n: regularise(block.definitions[n]) for n in used}, [regularise(e) for e in wanted]
+
+
+def common_parts(wanted: Sequence[sp.Expr]) -> tuple[list[tuple[sp.Symbol, sp.Expr]], list[sp.Expr]]:
+    """Return assignments of the parts that occur repeatedly, ``_c0``, ..., and the expressions with them.
+
+    This is ``sympy.cse``, but minima, maxima and conditions keep their arguments (see :func:`.rebuilt`), and
+    what has no common part is not built again.
+    """
+    # sums and products with common terms, and powers, not evaluated; their arguments may be plain integers
+    written: dict[sp.Basic, Any] = opt_cse(wanted, order="none")
+    seen, repeated = set[Any](), set[Any]()
+
+    def count(e: Any) -> None:
+        if not getattr(e, "args", ()):
+            return
+        if not isinstance(e, sp.Tuple):
+            if e in seen:
+                repeated.add(e)
+                return
+            seen.add(e)
+        for a in written.get(e, e).args:
+            count(a)
+
+    for e in wanted:
+        count(e)
+    taken = {s.name for e in wanted for s in e.free_symbols}
+    names = (s for s in sp.numbered_symbols("_c", real=True) if s.name not in taken)
+    pieces: list[tuple[sp.Symbol, sp.Expr]] = []
+    done: dict[Any, sp.Symbol] = {}
+
+    def reduced(e: Any) -> sp.Basic:
+        if not getattr(e, "args", ()) or e in done:
+            return done.get(e, e)
+        form = written.get(e, e)
+        args = [reduced(a) for a in form.args]
+        found = rebuilt(form, args) if isinstance(form, sp.Basic) else form.func(*args)
+        if e in repeated:
+            done[e] = next(names)
+            pieces.append((done[e], found))
+            return done[e]
+        return found
+
+    return pieces, [reduced(e) for e in wanted]
 
 
 def _in_order(

@@ -2,11 +2,23 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Container
+
 import sympy as sp
 from sympy.printing.c import C99CodePrinter
 
 #: Functions of the runtime, hc_math.h, in place of those of math.h.
 _OWN = {name: f"hc_{name}" for name in ("sin", "cos", "tanh")}
+
+
+def identifier(text: str, taken: Container[str]) -> str:
+    """Return a C identifier that resembles a text and is not taken."""
+    stem = re.sub(r"\W+", "_", text).strip("_")
+    name, k = stem, 2
+    while name in taken:
+        name, k = f"{stem}_{k}", k + 1
+    return name
 
 
 class CPrinter(C99CodePrinter):

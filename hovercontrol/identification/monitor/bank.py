@@ -197,7 +197,7 @@ def write_bank(
         return [[w.values[f"{key}[{k},{j}]"] for k, w in enumerate(found)] for j in range(count)]
 
     return Bank(
-        states=tuple(memory.states),
+        states=tuple(sorted(memory.states, key=_side_by_side)),
         next_values=memory.following,
         score=by_candidate("b"),
         limited_score=by_candidate("limited_b", tested),
@@ -326,7 +326,8 @@ def _column(
     if any(b != 0 for b in bias):
         shift, lost = through(write, f"bias_{j}", steps, lost, bias)
         jolt = write.matrix(f"jolt_{j}", sp.Matrix([r * e for r, e in zip(root, shift, strict=True)]))
-        push = write.matrix(f"push_{j}", push + Phi * lost)
+        push = push + Phi * lost
+    push = write.matrix(f"push_{j}", push)
     own = [write.define(f"eta[{j},{i}]", e) for i, e in enumerate(C * s + jolt)]
     after = write.matrix(f"s_next_{j}", M * s + push)
     memory.following.update({f"s[{j},{i}]": e for i, e in enumerate(after)})
@@ -385,6 +386,19 @@ def _window(
         values |= {f"begun[{w},{j},{i}]": e for i, e in enumerate(begun)}
         fresh |= {f"begun[{w},{j},{i}]": e for i, e in enumerate(column.after)}
     return _Window(values, fresh, starts, after)
+
+
+def _side_by_side(state: Signal) -> tuple[str, list[int]]:
+    """Return a state's kind, window, row and candidate: in this order all candidates are adjacent.
+
+    The same operation on them is then a loop over adjacent numbers in C.
+    """
+    kind, _, indices = state.name.partition("[")
+    numbers = [int(n) for n in indices.strip("]").split(",") if n]
+    if kind in ("s", "begun"):
+        *window, candidate, row = numbers
+        numbers = [*window, row, candidate]
+    return kind, numbers
 
 
 def _dot(a: Sequence[sp.Expr], b: Sequence[sp.Expr]) -> sp.Expr:
