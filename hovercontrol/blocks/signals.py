@@ -146,6 +146,8 @@ class Signal:
         """
         if self.lower <= value <= self.upper:
             return value
+        if math.isnan(value):
+            raise InputError(f"{name or self.name}: expected a number, found nan")
         nearest = min(max(value, self.lower), self.upper)
         line = (
             f"{name or self.name} = {value:.9g} {self.unit} is out of its bounds "

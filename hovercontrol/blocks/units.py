@@ -97,7 +97,8 @@ def conversion(unit: str, target: str) -> tuple[float, float]:
     Raises
     ------
     UnitError
-        If the two units have different dimensions, the factor is out of range, or the scale is logarithmic.
+        If the two units have different dimensions, the factor is out of range, or the scale is logarithmic;
+        if one counts in Hz and the other turns through angles, which Pint has as 1 Hz = 1 rad/s.
 
     Examples
     --------
@@ -107,6 +108,10 @@ def conversion(unit: str, target: str) -> tuple[float, float]:
     if dimension(unit) != dimension(target):
         raise UnitError(f"expected a unit like {target!r}, found {unit!r}")
     given, wanted = parse_unit(unit), parse_unit(target)
+    if _angles(given) != _angles(wanted) and any("hertz" in str(u) for u in (given, wanted)):
+        raise UnitError(
+            f"expected a unit like {target!r}, found {unit!r}; a turn a second is 'rps', 2 pi rad/s"
+        )
 
     def converted(x: float) -> float:
         return float(registry().Quantity(x, given).to(wanted).magnitude)
@@ -121,6 +126,11 @@ def conversion(unit: str, target: str) -> tuple[float, float]:
     if not 0 < a < math.inf:
         raise UnitError(f"expected a unit like {target!r}, found {unit!r}, which has another scale")
     return a, b
+
+
+def _angles(unit: Any) -> float:
+    """Return the power of the radian in a unit."""
+    return float(dict(registry().get_root_units(unit)[1]._units).get("radian", 0))
 
 
 @checked

@@ -21,8 +21,13 @@ _WRITTEN = str.maketrans({"²": "^2", "³": "^3", "⁻": "-", "¹": "1"})
 
 @cache
 def registry() -> Any:
-    """Return the process-wide Pint registry, created on first use because that takes 0.1 s."""
-    return pint.UnitRegistry()
+    """Return the process-wide Pint registry, created on first use because that takes 0.1 s.
+
+    Pint reads ``Nm`` as the number of a yarn, m/g; logs of machines write their torques so.
+    """
+    found = pint.UnitRegistry(on_redefinition="ignore")
+    found.define("newton_meter = newton * meter = Nm")
+    return found
 
 
 @lru_cache(maxsize=4096)

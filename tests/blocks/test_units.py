@@ -1,5 +1,6 @@
 """Physical dimensions: what may be added to what on a hovercraft."""
 
+import numpy as np
 import pytest
 import sympy as sp
 from hypothesis import given, settings
@@ -75,6 +76,19 @@ def test_temperatures_have_another_zero(unit, here, kelvin):
 def test_what_no_factor_converts_is_refused(unit, target):
     with pytest.raises(UnitError, match="another scale"):
         conversion(unit, target)
+
+
+@pytest.mark.parametrize(("unit", "target"), [("Hz", "rad/s"), ("rpm", "Hz"), ("1/(rad/s)", "1/kHz")])
+def test_turns_and_angles_are_not_converted_as_one(unit, target):
+    """A frequency of 1 Hz is 2 pi rad/s; a factor of 1 would be wrong without a word."""
+    with pytest.raises(UnitError, match="a turn a second is 'rps', 2 pi rad/s"):
+        conversion(unit, target)
+    assert conversion("rps", "rad/s")[0] == pytest.approx(2 * np.pi) and conversion("Hz", "1/s")[0] == 1.0
+
+
+@pytest.mark.parametrize(("unit", "newton_metres"), [("Nm", 1.0), ("kNm", 1e3), ("mNm", 1e-3)])
+def test_torques_are_read_as_logs_write_them(unit, newton_metres):
+    assert conversion(unit, "N*m") == (pytest.approx(newton_metres), 0.0)
 
 
 @pytest.mark.parametrize(

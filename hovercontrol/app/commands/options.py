@@ -179,6 +179,8 @@ def model_of(
             f"{command}: expected the model of the logs: --model FILE (hovercontrol new writes one to "
             f"start from), or --vehicle NAME: {', '.join(names.vehicles())}"
         )
+    if model in names.vehicles() and not Path(model).exists():
+        raise InputError(f"{command}: expected a file after --model; the built-in craft is --vehicle {model}")
     own = from_users_file(model, params)
     return as_model(own) if own is not None else _with(load_model(model), params)
 

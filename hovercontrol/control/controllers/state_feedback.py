@@ -190,8 +190,8 @@ def place(
     Raises
     ------
     InputError
-        If a name is unknown, no input moves a mode, or the poles are not as many as the states, not in pairs
-        or, of a sampled plant, not inside the unit circle.
+        If a name is unknown, no input moves a mode, or the poles are not as many as the states, not in pairs,
+        or not stable: negative real parts, or of a sampled plant inside the unit circle.
 
     References
     ----------
@@ -221,16 +221,19 @@ def place(
     if wanted.shape != (n,):
         raise InputError(
             f"place: expected {n} poles for the states {', '.join(design.names)}, found {wanted.size}"
+            f"{_left_out(design, plant)}"
         )
     refuse_unmovable(
         "place", design.A, design.B, design.names, design.input_names, every=True, sampled=design.period > 0.0
     )
+    found = ", ".join(f"{pole.real:g}{f'{pole.imag:+g}j' if pole.imag else ''}" for pole in wanted)
     if design.period and np.abs(wanted).max() >= 1.0:
-        found = ", ".join(f"{pole.real:g}{f'{pole.imag:+g}j' if pole.imag else ''}" for pole in wanted)
         raise InputError(
             f"place: poles: those of a sampled plant lie inside the unit circle, found {found}; "
             f"a pole s [1/s] is exp({design.period:g} s)"
         )
+    if not design.period and wanted.real.max() >= 0.0:
+        raise InputError(f"place: poles: expected negative real parts [1/s], found {found}")
     held = design.over("place", period)
     A, B = held.with_integrals()
     try:
@@ -299,6 +302,18 @@ def form_of(where: str, design: Design, limits: bool, measured: str, name: str) 
     return Form(design.period, limits, measured, name)
 
 
+def _left_out(design: Design, plant: Block) -> str:
+    """Return the end of a message that says which states are not fed back, and why; empty if all are."""
+    fed_back = {m.state for m in design.states}
+    left = ", ".join(s.name for s in plant.states if s.name not in fed_back)
+    if not left:
+        return ""
+    return (
+        f"; {left} is not fed back: no output shows it, or it moves at the operating point "
+        "(states=... chooses, measured='{}_hat' reads an estimator)"
+    )
+
+
 def named(where: str, design: Design, given: Any, plant: Block) -> Any:
     """Return weights by the names under which the controller reads the states.
 
@@ -308,13 +323,10 @@ def named(where: str, design: Design, given: Any, plant: Block) -> Any:
         If a matrix has a row for each of the plant's states, of which some are not fed back.
     """
     if not isinstance(given, Mapping):
-        size, fed_back = len(np.atleast_1d(given)), {m.state for m in design.states}
-        left = [s.name for s in plant.states if s.name not in fed_back]
+        size, left = len(np.atleast_1d(given)), _left_out(design, plant)
         if left and size == len(plant.states) and size > len(design.names) + len(design.integral_names):
             raise InputError(
-                f"{where}: expected weights of {', '.join(design.names)}, found {size} rows; "
-                f"{', '.join(left)} is not fed back: no output shows it, or it moves at the operating point "
-                "(states=... chooses, measured='{}_hat' reads an estimator)"
+                f"{where}: expected weights of {', '.join(design.names)}, found {size} rows{left}"
             )
         return given
     symbols = {s.symbol: s.name for s in plant.states}

@@ -192,8 +192,8 @@ class FmuSystem(Loaded):
             Always. The Block from which an FMU was exported has exact Jacobians.
         """
         raise InputError(
-            f"FMU {self.name!r}: its state is not accessible, so it cannot be linearised; "
-            "linearise the Block or model from which it was made"
+            f"FMU {self.name!r}: its state is not accessible, so it cannot be linearised; linearise the "
+            "Block from which it was made, or the FMU's Model Exchange: load(..., kind='ModelExchange')"
         )
 
     def checked_inputs(self, t: float, u: Any) -> Array:

@@ -26,6 +26,7 @@ from hovercontrol.craft.models.blockmodel import BlockModel
 from hovercontrol.craft.models.functions import TableFunction
 from hovercontrol.craft.models.interface import AnyModel, as_model
 from hovercontrol.fmi.replay.plant import FmuPlant
+from hovercontrol.identification.diagnose.checks.units import refuse_units
 from hovercontrol.identification.diagnose.coefficients import Reading
 from hovercontrol.identification.diagnose.criteria import CRITERIA
 from hovercontrol.identification.diagnose.search.base import base_fit, likelier_start
@@ -187,6 +188,7 @@ def measure_shared(model: AnyModel, logs: Sequence[Log | Measured], most_rows: i
             raise InputError(f"{log.name}: expected samples, found no rows")
         if isinstance(log, Log):
             log = _told(block, log)
+            refuse_units(subject, log)
             check_frame(subject, log)
         own = log if isinstance(log, Measured) else measure(block, log, _share(log, total, most_rows))
         refuse_still(own.name, own.channels, own.values)

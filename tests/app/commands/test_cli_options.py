@@ -103,6 +103,7 @@ def test_a_name_is_never_proposed_for_itself():
             "--effects: 'slope' is given twice",
         ),
         (["analyze", "nope"], "unknown analysis or item 'nope'; known: "),
+        (["identify", "a.csv", "--model", "hoverdemon"], "the built-in craft is --vehicle hoverdemon"),
     ],
 )
 def test_what_cannot_be_meant_is_refused_before_any_work(call, folder, args, said):

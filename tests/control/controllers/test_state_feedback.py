@@ -215,6 +215,14 @@ def test_place_puts_the_poles_where_scipy_does():
     assert np.poly(M[:4, :4] - M[:4, 4:] @ K) == pytest.approx(np.poly(np.exp(np.array(poles) * h)), rel=1e-8)
 
 
+def test_poles_of_an_unstable_loop_and_too_many_poles_are_refused():
+    plant = hc.vehicle("c17_simulation").plant()
+    text = refusal(hc.place, plant, straight(), [1, 1.5, -2, -3], states=LINE, inputs=["rudder"])
+    assert "poles: expected negative real parts [1/s], found 1, 1.5, -2, -3" in text
+    text = refusal(hc.place, plant, straight(), [-1, -1.5, -2, -2.5, -3, -4])
+    assert "expected 5 poles for the states y, psi, u, v, r, found 6; x is not fed back" in text
+
+
 def test_by_default_the_states_at_rest_are_fed_back():
     plant = hc.vehicle("c17_simulation").plant()
     block = hc.place(plant, straight(), [-1, -1.5, -2, -2.5, -3])

@@ -262,6 +262,32 @@ def test_commands_outside_the_models_bounds_are_refused(rudder_log, column, fact
     assert measure(c17_experiment().plant(), log.with_columns({"thrust": slightly})).inputs.max() > 6.1
 
 
+def test_a_yaw_rate_in_degrees_is_refused(rudder_log):
+    log = rudder_log(POSE + VELOCITY, seconds=30)
+    with pytest.raises(InputError, match="expected a yaw rate in rad/s; it says 57 times what the heading"):
+        identify(c17_experiment(), [log.with_columns({"r": np.degrees(log["r"])})])
+
+
+def test_the_commanded_angle_of_a_servo_may_be_many_turns():
+    angle, rate, wanted = Signal("angle", "rad"), Signal("rate", "rad/s"), Signal("wanted", "rad")
+    gain, damping = Signal("gain", "1/s^2", start=20.0), Signal("damping", "1/s", start=3.0)
+    pull = gain.symbol * (wanted.symbol - angle.symbol) - damping.symbol * rate.symbol
+    servo = Block(
+        "servo",
+        [angle, rate],
+        [wanted],
+        [angle, rate],
+        [gain, damping],
+        {"angle": rate.symbol, "rate": pull},
+    )
+    t, rng = np.arange(0, 6, 0.02), np.random.default_rng(0)
+    turns = np.repeat(rng.uniform(-40.0, 40.0, 6), 50)
+    moved = simulate(servo, t, [turns], params={"servo.gain": 25.0})
+    columns = {name: moved[name] + 0.01 * rng.normal(size=t.size) for name in ("angle", "rate")}
+    found = identify(servo, [Log("turns", t, {**columns, "wanted": turns})], ["gain"])
+    assert found["gain"].value == pytest.approx(25.0, rel=1e-3)
+
+
 def test_a_craft_that_never_moves_is_refused(rudder_log):
     log = rudder_log(POSE, seconds=5)
     still = log.with_columns({c: np.full(len(log), 0.1) for c in POSE})

@@ -66,7 +66,7 @@ def refuse_units(model: Subject, log: Log) -> None:
     ------
     InputError
         If position and velocities differ by a factor of 100 or 1000, if heading and yaw rate differ by the
-        factor between radians and degrees or are both in degrees, or if an input in rad exceeds pi.
+        factor between radians and degrees or are both in degrees, or if a craft's input in rad exceeds pi.
 
     Examples
     --------
@@ -122,8 +122,11 @@ def scale(log: Log) -> tuple[float, float] | None:
 
 
 def _refuse_angles(model: Subject, log: Log) -> None:
-    """Refuse inputs in rad that exceed pi; inputs with bounds of their own are checked later."""
-    for signal in structure(model).inputs:
+    """Refuse inputs of a craft in rad that exceed pi; inputs with bounds of their own are checked later.
+
+    A craft's angles are those of rudders and fans. The commanded angle of a servo may be many turns.
+    """
+    for signal in structure(model).inputs if model.is_craft else ():
         row = log[signal.name][np.isfinite(log[signal.name])]
         farthest = float(np.abs(row).max(initial=0.0))
         bounded = math.isfinite(signal.lower) and math.isfinite(signal.upper)
