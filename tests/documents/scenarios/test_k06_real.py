@@ -239,7 +239,7 @@ def test_the_yaw_friction_of_figure_6_24_gives_what_the_other_field_trials_showe
 
 @pytest.mark.slow
 def test_diagnose_names_the_loss_of_reverse_thrust_in_the_log_of_the_crafts_navigation(astern):
-    scenario, early = astern.scenario, astern.time < 35.0
+    scenario, early = astern.scenario, astern.time < 15.0
     log = Log("astern", astern.time[early], {key: column[early] for key, column in astern.columns.items()})
     found = diagnose(scenario.belief, [log])
     # ambiguous is whether the 3 ms of the last sample's age are a delay or a lag, not the loss
