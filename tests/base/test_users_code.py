@@ -50,11 +50,11 @@ MENDED = {
     "stdout": "import sys\nsys.stdout = None",
     "stdout replaced": "import io, sys\nsys.stdout = io.StringIO()",
     "imports": "import sys\nsys.modules['numpy'] = None\nsys.meta_path.clear()",
-    "built-in": "import builtins\nbuiltins.print = builtins.open = builtins.zip = None",
 }
 
 #: The same of what belongs to the whole process.
 MENDED_APART = {
+    "built-in": "import builtins\nbuiltins.print = builtins.open = builtins.zip = None",
     "settings": "import os, signal, sys, warnings\nimport numpy as np\nos.chdir('/')\nos.umask(0o777)\n"
     "warnings.simplefilter('error')\nnp.seterr(all='raise')\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\n"
     "sys.setrecursionlimit(80)",
@@ -92,8 +92,13 @@ def assert_exported(folder, done):
 
 
 @pytest.mark.parametrize("name", MENDED)
-def test_what_a_file_breaks_is_mended(call, tmp_path, name):
+def test_what_a_file_breaks_is_mended(call, tmp_path, monkeypatch, name):
+    finders, numpy, out = list(sys.meta_path), sys.modules["numpy"], sys.stdout
+    monkeypatch.setattr(sys, "meta_path", list(finders))  # for later tests, should this one fail
+    monkeypatch.setitem(sys.modules, "numpy", numpy)
+    monkeypatch.setattr(sys, "stdout", out)
     assert_exported(tmp_path, call(*EXPORT, cwd=written(tmp_path, MENDED[name])))
+    assert (sys.meta_path, sys.modules["numpy"], sys.stdout) == (finders, numpy, out)
 
 
 @pytest.mark.slow
