@@ -10,7 +10,7 @@ from hovercontrol.control.analysis.directions import Direction
 from hovercontrol.control.analysis.excitation import excitation
 from hovercontrol.control.analysis.iss import simulated_errors
 from hovercontrol.craft.hardware.actuators import fan_force, fan_tables, rudder_of_force_angle
-from hovercontrol.craft.hardware.sensors import Beacons, locate
+from hovercontrol.craft.hardware.sensors import Beacons, locate, speed_of_sound
 from hovercontrol.identification.diagnose import diagnose
 from hovercontrol.identification.identify import identify
 from hovercontrol.logs import Log
@@ -26,6 +26,7 @@ SQUARE = Beacons([(0, 0), (2, 0), (2, 2), (0, 2)], 2.0)
     ("call", "said"),
     [
         (lambda: fan_force(np.ones(4), np.ones((2, 3))), "found speed (4,), rudder (2, 3)"),
+        (lambda: speed_of_sound([20.0, 21.0], humidity=np.ones((2, 3))), "humidity (2, 3)"),
         (lambda: fan_tables(rudder=2.5), "rudder: expected a row of numbers, found shape ()"),
         (lambda: fit_clock(2.5), "fit_clock: arrival: expected a row of numbers, found shape ()"),
         (lambda: excitation(CRAFT.plant(), 2.5, {"u": 2.0}), "time: expected a row of numbers"),

@@ -16,6 +16,7 @@ from hovercontrol.craft.hardware.sensors import (
     k06_beacons,
     locate,
     range_solver,
+    speed_of_sound,
 )
 
 HEIGHT = 2.7048
@@ -287,3 +288,28 @@ def test_a_survey_error_moves_the_place():
 def test_what_gives_no_place_is_refused(make, said):
     with pytest.raises(InputError, match=said):
         make()
+
+
+# ---- the speed of sound -------------------------------------------------------------------------------
+
+
+def test_the_speed_of_sound_is_cramers():
+    """Cramer's tables: dry air of 0 and 20 degrees; then as the square root of the temperature."""
+    dry = speed_of_sound([0.0, 20.0, 30.0], humidity=0.0, carbon_dioxide=3.14e-4)
+    assert dry[:2] == pytest.approx([331.46, 343.37], abs=0.03)
+    assert dry[2] / dry[1] == pytest.approx(math.sqrt(303.15 / 293.15), rel=3e-4)
+    assert speed_of_sound(20.0, humidity=1.0) > speed_of_sound(20.0, humidity=0.0)
+    with pytest.raises(InputError, match="temperature: expected 0 to 30, found 45"):
+        speed_of_sound(45.0)
+
+
+def test_a_wrong_temperature_goes_into_the_bias_rather_than_the_place():
+    """5 degrees make 2.6 cm at 3 m: Bancroft's b takes most of it, as K06 says of b."""
+    cold, true = speed_of_sound([20.0, 25.0])
+    square, at = k06_beacons(), np.array([0.9, 1.4])
+    places = np.array(square.positions)
+    rho = np.hypot(np.hypot(*(at - places).T), square.heights) * cold / true
+    x, y, b = locate(rho, square, cone=NO_CONE)
+    assert abs(rho * (true / cold - 1)).mean() > 0.02
+    assert math.hypot(x - at[0], y - at[1]) < 0.005
+    assert b == pytest.approx(-0.025, abs=0.01)

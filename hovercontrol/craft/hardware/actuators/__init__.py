@@ -29,12 +29,15 @@ from hovercontrol.craft.hardware.actuators.pitch import (
     pitch_thrust,
     variable_pitch_propeller,
 )
+from hovercontrol.craft.hardware.actuators.regulator import battery_fan, speed_regulator
 from hovercontrol.craft.hardware.actuators.rudder import rudder_lookup, rudder_servo
 from hovercontrol.craft.hardware.actuators.speed import fan_motor, speed_controller
 from hovercontrol.craft.hardware.actuators.tables import FanTable, ServoTable, read_fan_table
 from hovercontrol.craft.hardware.actuators.thrust import thrust_force, thrust_lookup
 
 __all__ = [
+    "battery_fan",
+    "speed_regulator",
     "actuators",
     "Actuators",
     "force_command",

@@ -2,6 +2,7 @@
 
 from hovercontrol.blocks.delay_line import constant_delay
 from hovercontrol.craft.hardware.links.constant import k06_downlink, k06_uplink
+from hovercontrol.craft.hardware.links.csma import Csma
 from hovercontrol.craft.hardware.links.distributions import BoundedDelays, Delays
 from hovercontrol.craft.hardware.links.failsafe import failsafe
 from hovercontrol.craft.hardware.links.table_5_1 import TABLE_5_1, bluetooth_delays
@@ -9,6 +10,7 @@ from hovercontrol.craft.hardware.links.wireless import empirical_delay, lossy_li
 
 __all__ = [
     "BoundedDelays",
+    "Csma",
     "Delays",
     "TABLE_5_1",
     "bluetooth_delays",

@@ -15,6 +15,7 @@ from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.delay_line import passed_through
 from hovercontrol.blocks.random_numbers import random_numbers
 from hovercontrol.blocks.signals import Signal
+from hovercontrol.craft.hardware.links.csma import Csma
 from hovercontrol.craft.hardware.links.distributions import Delays
 from hovercontrol.craft.hardware.links.messages import (
     MessageLink,
@@ -31,6 +32,7 @@ def empirical_delay(
     delays: Delays | float,
     period: float,
     *,
+    access: Csma | None = None,
     tick: float = TICK,
     seed: int = 1,
     suffix: str = "_received",
@@ -48,6 +50,8 @@ def empirical_delay(
         Delays are rounded to whole ticks, as K06's are to milliseconds.
     period : float
         Time between two messages [s]: the inputs are sent at the first tick at or after each multiple.
+    access : Csma, optional
+        Waiting time for a shared medium before the delay begins; messages given up are lost.
     tick : float, optional
         Period of the receiver and of the Block [s].
     seed : int, optional
@@ -66,7 +70,7 @@ def empirical_delay(
 
         Parameters: ``delay_scale`` (0: no delay, 1: all), ``in_order`` (1: the link keeps the order, as a
         serial line over Bluetooth does; a message waits for its predecessor) and, where delays differ,
-        ``jitter`` (0: all delays are the mean) and ``seed``.
+        ``jitter`` (0: all delays are the mean) and ``seed``; of the medium access ``busy``.
 
     Raises
     ------
@@ -84,7 +88,7 @@ def empirical_delay(
     >>> 0.022 <= 0.001 * [row["thrust_received"] for row in seen].index(3.0) <= 0.09
     True
     """
-    return _link(name, signals, delays, period, tick, suffix, seed)
+    return _link(name, signals, delays, period, tick, suffix, seed, access=access)
 
 
 @checked
@@ -96,6 +100,7 @@ def lossy_link(
     retransmissions: int = 0,
     timeout: float = 0.0,
     delays: Delays | float = 0.0,
+    access: Csma | None = None,
     gate: Signal | None = None,
     tick: float = TICK,
     seed: int = 1,
@@ -108,7 +113,7 @@ def lossy_link(
 
     Parameters
     ----------
-    signals, delays, period, tick, seed, suffix, name
+    signals, delays, period, access, tick, seed, suffix, name
         As for :func:`empirical_delay`; without `delays` messages arrive at once.
     loss : float
         Probability that a transmission is lost, 0 to below 1.
@@ -149,7 +154,7 @@ def lossy_link(
     if not_negative(f"{name}: timeout", timeout) == 0 and retransmissions:
         raise InputError(f"{name}: with retransmissions, timeout must be positive, found {timeout!r}")
     repeat = (float(loss), retransmissions, float(timeout))
-    return _link(name, signals, delays, period, tick, suffix, seed, repeat, gate)
+    return _link(name, signals, delays, period, tick, suffix, seed, repeat, gate, access)
 
 
 def _link(
@@ -162,6 +167,7 @@ def _link(
     seed: int,
     repeat: tuple[float, int, float] | None = None,
     gate: Signal | None = None,
+    access: Csma | None = None,
 ) -> Block:
     signals = passed_through(name, signals, suffix)
     positive(f"{name}: period", period)
@@ -169,7 +175,7 @@ def _link(
     every = Fraction(str(period)) / Fraction(str(tick))
     if every < 1:
         raise InputError(f"{name}: period {period:g} s must not be shorter than the tick, {tick:g} s")
-    transmission = _transmission(name, delays, tick, seed, repeat)
+    transmission = _transmission(name, delays, tick, seed, repeat, access)
     return MessageLink(name, every, transmission, gate).block(signals, suffix, tick)
 
 
@@ -179,11 +185,13 @@ def _transmission(
     tick: float,
     seed: int,
     repeat: tuple[float, int, float] | None,
+    access: Csma | None,
 ) -> Transmission:
     """Return the delay of a message, and whether it is lost."""
     scale = Signal("delay_scale", "1", "factor of the delays; 0: no delay", start=1.0, lower=0.0, upper=1.0)
-    parameters, drawn = [scale], repeat is not None
-    noise = random_numbers(1 + isinstance(delays, Delays), salt=name, kind="uniform", seed=seed)
+    parameters, drawn = [scale], repeat is not None or access is not None
+    differ, waits = isinstance(delays, Delays), 2 * access.attempts if access else 0
+    noise = random_numbers(1 + differ + waits, salt=name, kind="uniform", seed=seed)
     if isinstance(delays, Delays):
         jitter = Signal(
             "jitter",
@@ -199,6 +207,12 @@ def _transmission(
     else:
         seconds = longest = not_negative(f"{name}: delay (or a distribution of delays)", delays)
     lost: list[sp.Basic] = []
+    if access is not None:
+        use = Signal("busy", "1", "probability that the medium is in use", access.busy, lower=0.0, upper=1.0)
+        parameters.append(use)
+        waited, given_up = access.drawn(noise.values[-waits:], use)
+        seconds, longest = seconds + waited, longest + access.most
+        lost.append(given_up)
     seconds = scale.symbol * seconds
     if repeat is not None:
         probability, retransmissions, timeout = repeat

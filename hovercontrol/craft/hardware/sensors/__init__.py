@@ -21,6 +21,7 @@ from hovercontrol.craft.hardware.sensors.mocap import mocap, noisy_motion
 from hovercontrol.craft.hardware.sensors.motion import with_specific_force
 from hovercontrol.craft.hardware.sensors.poor_view import poor_view
 from hovercontrol.craft.hardware.sensors.ranging import cricket_ranges
+from hovercontrol.craft.hardware.sensors.sound import speed_of_sound
 from hovercontrol.craft.hardware.sensors.two_units import two_unit_heading
 
 __all__ = [
@@ -42,6 +43,7 @@ __all__ = [
     "cone_correction",
     "corrected_range",
     "locate",
+    "speed_of_sound",
     "two_unit_heading",
     "arrivals",
     "mocap",

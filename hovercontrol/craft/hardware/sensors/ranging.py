@@ -9,6 +9,7 @@ import sympy as sp
 
 from hovercontrol.base.boundary import checked
 from hovercontrol.base.errors import InputError
+from hovercontrol.base.tables import positive
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.expressions import Definitions
 from hovercontrol.blocks.random_numbers import random_numbers
@@ -51,6 +52,7 @@ def cricket_ranges(
     slots: int = SLOTS,
     noise: float = 0.0,
     bias: float = 0.0,
+    sound: float = 1.0,
     cone: tuple[float, float] = (0.0, 0.0),
     cone_limit: float = 0.0,
     latency: bool = False,
@@ -75,6 +77,9 @@ def cricket_ranges(
         Standard deviation of a range [m].
     bias : float, optional
         Common error of all ranges [m], b in (5.6).
+    sound : float, optional
+        Ratio of assumed to true speed of sound, a scale error of each range; see
+        :func:`~hovercontrol.craft.hardware.sensors.speed_of_sound`.
     cone : (float, float), optional
         Coefficients of the cone-angle error (5.7),
         :data:`~hovercontrol.craft.hardware.sensors.cone.K06_CONE`.
@@ -115,6 +120,8 @@ def cricket_ranges(
     places = beacons.signals()
     white = size("noise", "m", "standard deviation of a range", name, noise)
     long = offset("bias", "m", "common error of all ranges", name, bias)
+    ratio, text = positive(f"{name}: sound", sound), "ratio of assumed to true speed of sound"
+    taken = Signal("sound", "1", text, start=ratio, lower=0.5)
     text = "largest cone angle at which beacons are heard; 0: no limit"
     limit = size("cone_limit", "rad", text, name, cone_limit)
     late = switch("latency", "latency of one tick", latency)
@@ -137,14 +144,14 @@ def cricket_ranges(
         true, angle = _to_beacon(define, k, place, at_x, at_y)
         deaf = sp.Or(unit < 0.5, sp.And(limit.symbol > 0, angle > limit.symbol))
         hears = define(f"heard_now_{k}", sp.Piecewise((0, deaf), (1, True)))
-        rho = true / cone_ratio(angle) + long.symbol + white.symbol * n
+        rho = taken.symbol * true / cone_ratio(angle) + long.symbol + white.symbol * n
         measured[f"range_{k}"] = define(f"range_now_{k}", sp.Piecewise((rho, hears > 0), (0, True)))
         measured[f"range_{k}_heard"] = hears
     measured["range_unit"] = unit
     measured["range_valid"] = define("valid_now", sp.Max(*(measured[s.name] for s in heard)))
     told = (*ranges, *(s.replace(start=0.0) for s in heard), RANGE_UNIT, _VALID)
     held = [s.replace(name=f"{s.name}_held", description=f"{s.description}, at the last tick") for s in told]
-    beside = (white, long, limit, late, *cone_signals(cone, name), *drawn.parameters)
+    beside = (white, long, taken, limit, late, *cone_signals(cone, name), *drawn.parameters)
     return Block(
         name,
         states=(turn, *held, *drawn.states),
