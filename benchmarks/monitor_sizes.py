@@ -2,9 +2,10 @@
 
 Each candidate changes at 12 s, in three sizes; the size is judged 5 s after the alarm. A cell is met if at
 least 85 % of the runs in which the change is named lie within two standard errors, with a mean error below
-half a standard error.
+half a standard error. The noise of each cell is its own. A cell that misses is simulated MOST times: the mean
+of 8 runs has a standard error of 0.35 standard errors itself.
 
-``python -m benchmarks.monitor_sizes RUNS MACHINE ...`` simulates RUNS for each cell (4) of machines (all).
+``python -m benchmarks.monitor_sizes RUNS MACHINE ...`` simulates RUNS for each cell (8) of machines (all).
 """
 
 from __future__ import annotations
@@ -27,6 +28,8 @@ from hovercontrol.identification.monitor.monitor import named_effects
 
 Array = NDArray[np.float64]
 PERIOD, ONSET, LENGTH, JUDGED = 0.02, 12.0, 20.0, 5.0
+#: Runs of a cell that misses, and its bars: share within two standard errors, and mean error.
+MOST, SHARE, MEAN = 40, 0.85, 0.5
 
 
 @dataclass(frozen=True)
@@ -202,46 +205,79 @@ def monitor_of(machine: Machine) -> hc.Block:
     )  # fmt: skip
 
 
-def cells(machine: Machine, label: str, runs: int) -> Iterator[tuple[str, str, str, bool | None]]:
-    watch = monitor_of(machine)
+@dataclass
+class Cell:
+    """What a monitor says of one size of a change: findings, and errors by their standard errors."""
+
+    told: Counter[str]
+    errors: list[float]
+
+    @property
+    def inside(self) -> int:
+        return sum(abs(z) < 2.0 for z in self.errors)
+
+    @property
+    def met(self) -> bool | None:
+        if not self.errors:
+            return None
+        return self.inside >= SHARE * len(self.errors) and abs(float(np.mean(self.errors))) < MEAN
+
+    def __str__(self) -> str:
+        if not self.errors:
+            return "not named"
+        return f"{self.inside} of {len(self.errors)}, mean {np.mean(self.errors):.2f}"
+
+
+def judge(
+    cell: Cell, watch: hc.Block, machine: Machine, name: str, size: float, seeds: Sequence[int]
+) -> None:
+    """Add runs to a cell."""
     compiled, every = watch.compile(), named_effects(watch)
     outputs = [s.name for s in watch.outputs]
-    for name, sizes in machine.changes.items():
-        for size in sizes:
-            told: Counter[str] = Counter()
-            errors = []
-            for data in runs_of(machine, name, size, range(1, runs + 1)):
-                t = PERIOD * np.arange(len(next(iter(data.values()))))
-                inputs = {s.name: data.get(s.name, 0 * t) for s in watch.inputs}
-                out = dict(zip(outputs, compiled.simulate(t, inputs).outputs, strict=True))
-                if out["alarm"][t < ONSET].any():
-                    told["an alarm before the change"] += 1
-                    continue
-                late = np.flatnonzero(out["alarm"] > 0.5)
-                if not late.size:
-                    told["none"] += 1
-                    continue
-                k = min(late[0] + round(JUDGED / PERIOD), t.size - 1)
-                found = every[int(out["effect"][k]) - 1]
-                rivals = sum(out[o][k] > 0.5 for o in outputs if o.startswith("possible_")) > 1
-                told[f"{found}{' or more' if rivals else ''}"] += 1
-                if found == name:
-                    errors.append((float(out["change"][k]) - size) / float(out["change_std"][k]))
-            z = np.array(errors)
-            inside = int((np.abs(z) < 2.0).sum())
-            said = ", ".join(f"{n} {count}" for n, count in told.items())
-            right = f"{inside} of {z.size}, mean {z.mean():.2f}" if z.size else "not named"
-            met = inside >= 0.85 * z.size and abs(z.mean()) < 0.5 if z.size else None
-            yield f"{label}, {name} {size:g}: {said}", right, "85 %, mean < 0.5", met
+    for data in runs_of(machine, name, size, seeds):
+        t = PERIOD * np.arange(len(next(iter(data.values()))))
+        inputs = {s.name: data.get(s.name, 0 * t) for s in watch.inputs}
+        out = dict(zip(outputs, compiled.simulate(t, inputs).outputs, strict=True))
+        late = np.flatnonzero(out["alarm"] > 0.5)
+        if late.size and t[late[0]] < ONSET:
+            cell.told["an alarm before the change"] += 1
+            continue
+        if not late.size:
+            cell.told["none"] += 1
+            continue
+        k = min(late[0] + round(JUDGED / PERIOD), t.size - 1)
+        found = every[int(out["effect"][k]) - 1]
+        rivals = sum(out[o][k] > 0.5 for o in outputs if o.startswith("possible_")) > 1
+        cell.told[f"{found}{' or more' if rivals else ''}"] += 1
+        if found == name:
+            cell.errors.append((float(out["change"][k]) - size) / float(out["change_std"][k]))
 
 
-def rows(runs: int = 4, machines: Sequence[str] = ()) -> Iterator[tuple[str, str, str, bool | None]]:
+def rows(runs: int = 8, machines: Sequence[str] = ()) -> Iterator[tuple[str, str, str, bool | None]]:
+    bar, seed = f"{100 * SHARE:.0f} %, mean < {MEAN:g}", 0
     for label in machines or MACHINES:
+        every: list[Cell] = []
         for dry in (False, True):
-            yield from cells(MACHINES[label](dry), f"{label}{', dry friction' if dry else ''}", runs)
+            machine = MACHINES[label](dry)
+            watch = monitor_of(machine)
+            for name, size in ((n, s) for n, sizes in machine.changes.items() for s in sizes):
+                cell, seed = Cell(Counter(), []), seed + MOST
+                judge(cell, watch, machine, name, size, range(seed, seed + runs))
+                if cell.met is False:
+                    judge(cell, watch, machine, name, size, range(seed + runs, seed + max(runs, MOST)))
+                every.append(cell)
+                said = ", ".join(f"{n} {count}" for n, count in cell.told.items())
+                where = f"{label}{', dry friction' if dry else ''}"
+                yield f"{where}, {name} {size:g}: {said}", str(cell), bar, cell.met
+        whole = Cell(Counter(), [z for cell in every for z in cell.errors])
+        named = [cell for cell in every if cell.errors]
+        met = sum(bool(cell.met) for cell in named)
+        early = sum(cell.told["an alarm before the change"] for cell in every)
+        text = f"{met} of {len(named)} cells met; runs: {whole}; an alarm before the change: {early}"
+        yield f"{label}, all", text, "", None
 
 
 if __name__ == "__main__":
     given = sys.argv[1:]
-    for row in rows(int(given[0]) if given else 4, given[1:]):
+    for row in rows(int(given[0]) if given else 8, given[1:]):
         print(*row, flush=True)

@@ -13,6 +13,7 @@ from hovercontrol.identification.monitor.candidates import Craft
 from hovercontrol.identification.monitor.monitor import monitor
 from hovercontrol.identification.monitor.noise import FIRST_SECONDS, first_part, noise_from, trained_model
 from hovercontrol.identification.monitor.pace import paced
+from hovercontrol.identification.monitor.sensors import rounded_to
 from hovercontrol.logs.log import POSE, Log
 
 #: Shortest period of a monitor [s]; of faster logs every n-th row is used.
@@ -93,6 +94,8 @@ def build(
             "in which a change is not seen; --reference LOG takes it from a reference log"
         )
     report(0.3, "computing the threshold")
+    # reading a log has left out rows that only repeat a slower sensor's sample
+    coarse = [c for c in channels if rounded_to(source[c], noise.measurement[c])]
     block = monitor(
         model,
         candidates,
@@ -103,6 +106,7 @@ def build(
         coefficient_std=std,
         measured=channels,
         lost_samples=channels,
+        repeats=coarse,
         motion=source.between(float(source.time[0]), float(source.time[0]) + long(MOTION)),
         dispersion=True,
     )

@@ -27,8 +27,8 @@ class Design:
     candidates : tuple of Candidate
     period, dead_after : float
         [s]
-    repeats : bool
-        Whether a value equal to the one before is a sample.
+    repeats : tuple of str
+        Channels of which a value equal to the one before is a sample.
     windows, first : int
         Number of windows, and ticks after which the first begins anew.
     substeps : int
@@ -45,7 +45,7 @@ class Design:
     candidates: tuple[Candidate, ...]
     period: float
     dead_after: float
-    repeats: bool
+    repeats: tuple[str, ...]
     windows: int
     first: int
     substeps: int

@@ -179,10 +179,14 @@ class Feed:
         yield from self._finish()
 
     @property
+    def knows_dispersion(self) -> bool:
+        """Whether the monitor knows the dispersion of its scores."""
+        return any(p.name.rpartition(".")[2].startswith("dispersion_") for p in self.block.parameters)
+
+    @property
     def knows_errors(self) -> bool:
         """Whether the monitor knows the dispersion of its scores, or errors of a coefficient."""
-        dispersed = any(p.name.rpartition(".")[2].startswith("dispersion_") for p in self.block.parameters)
-        return dispersed or not self._estimates.keys().isdisjoint(candidates_in(self.block))
+        return self.knows_dispersion or not self._estimates.keys().isdisjoint(candidates_in(self.block))
 
     @property
     def _time(self) -> float:

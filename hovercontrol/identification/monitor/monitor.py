@@ -77,7 +77,7 @@ def monitor(
     lost_samples: bool | Sequence[str] = False,
     dead_after: float | None = None,
     settle: float | None = None,
-    repeats: bool = False,
+    repeats: bool | Sequence[str] = False,
     motion: Log | None = None,
     dispersion: bool = False,
     substeps: int | None = None,
@@ -126,9 +126,9 @@ def monitor(
     settle : float, optional
         Time after the start and after a reset until the tests begin [s]: far from the true state, the
         filter's linearisation does not hold (default: 2 s, or 20 to 400 periods).
-    repeats : bool, optional
-        Whether a value equal to the one before is a new sample (a sensor of coarse resolution); by default it
-        is not.
+    repeats : bool or sequence of str, optional
+        Whether a value equal to the one before is a new sample (a sensor of coarse resolution), or the
+        channels of which it is; by default it is not.
     motion : Log, optional
         A typical run with the measured channels and the commands, along which the threshold is computed
         (default: 60 s of the model under random steps of its commands).
@@ -194,7 +194,7 @@ def monitor(
         tuple(found),
         tick,
         dead_after,
-        repeats,
+        tuple(measured if repeats is True else repeats or ()),
         WINDOWS,
         max(1, round(shortest / tick)),
         steps,

@@ -36,6 +36,11 @@ noise brings in the mean plus twice the standard deviation of that, bounds the d
 at most theta^2. Besides, d0 has the covariance g phi P: the evidence g at the alarm bounds the error in units
 of the filter's covariance P. phi is the dispersion of the named candidate, 1 where the noise is as stated.
 
+The slopes of a candidate that is not proportional to its coefficient change with the estimate, and samples
+before took other ones. Once the estimate has moved by D, a response of the curvature 1/theta is off by the
+second order D^2/theta, at most D. If that is more than the standard deviation, its square is added to the
+variance of theta, and as a part of each tick to that of theta'; D then begins anew.
+
 If another candidate is named, all begin anew. If the amplitude does not hold (:mod:`.judged`), the estimate
 begins anew from one that wanders. The change has ended if the likelihood of no change is more than 1/ERROR
 times that of the largest amplitude that was significant, no change is possible, and that holds.
@@ -288,6 +293,7 @@ class _Estimate:
         self.jolt = self._of_named_column("named_jolt", bank.jolts)
         self.left = self._of_named_column("named_left", [sized[j].left if j in sized else zero for j in J])
         self.phi = self._of_named("named_dispersion", bank.dispersion)
+        self.bent = self._of_named("named_bent", [sp.S.One if j in sized else sp.S.Zero for j in J])
 
     def update(self) -> None:
         """Write the recursive least squares of this tick's measurements."""
@@ -382,11 +388,25 @@ class _Estimate:
         for i in range(n + 2):
             value = sp.S.Zero if i == r else chosen(renews, x[i], self.start.first[i])
             self._following[f"z[{i}]"] = chosen(self.begins, value, self.now[i])
+        more = self._by_bend()
         for i, k in self._upper:
+            now = self.cov[i, k] + {n: more, r: more / sp.Max(self.age, 1) ** 2}.get(i, 0) * int(i == k)
             value = sp.S.Zero if k == r else chosen(renews, P[i, k], self.start.spread[i, k])
             if i == r:  # it may grow by its standard deviation in a segment
                 value = chosen(renews, P[n, n], self.start.spread[n, n]) / sp.Integer(self._segment) ** 2
-            self._following[f"V[{i},{k}]"] = chosen(self.begins, value, self.cov[i, k])
+            self._following[f"V[{i},{k}]"] = chosen(self.begins, value, now)
+
+    def _by_bend(self) -> sp.Expr:
+        """Write what the variance of the amplitude grows by, because samples before took other slopes."""
+        if self.bent == 0:
+            return sp.S.Zero
+        at = self._state("linear_at", "1", "amplitude at which the variance grew last")
+        moved = (self.amplitude - at) ** 2
+        off = moved**2 / sp.Max(self.theta**2, moved, 1e-300)
+        bends = sp.And(self.bent > sp.S.Half, off > self.variance)
+        more = self._write.define("more_variance", chosen(bends, off, sp.S.Zero))
+        self._following["linear_at"] = chosen(sp.Or(self.begins, bends), self.amplitude, at)
+        return more
 
     def remember(self) -> None:
         """Write the other next values: columns, age, and the amplitude for what asks for it."""

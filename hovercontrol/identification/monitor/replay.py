@@ -18,18 +18,14 @@ from hovercontrol.base.plain_json import json_text, plain
 from hovercontrol.base.pyplot import open_in_pyplot
 from hovercontrol.base.tables import positive
 from hovercontrol.blocks.block import Block
-from hovercontrol.identification.engine.measure import steps
 from hovercontrol.identification.monitor.alarms import Alarm, Alarms
 from hovercontrol.identification.monitor.feed import Feed, Tick, candidates_in, parameter_of
 from hovercontrol.identification.monitor.notes import Note
+from hovercontrol.identification.monitor.sensors import rounded_to
 from hovercontrol.logs.log import Log
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-
-#: Variance of rounding from which on it is told, as a part of that of the noise: evidence is 10 % larger.
-ROUNDED = 0.1
 
 
 @checked
@@ -277,17 +273,17 @@ def replay(
 def _understated(watch: Block, log: Log, feed: Feed) -> Iterator[str]:
     """Give a line if a monitor knows no errors of its model, and for each channel whose rounding adds noise.
 
-    Values rounded to q have the additional variance ``q^2/12``.
+    Values rounded to q have the additional variance ``q^2/12``. The dispersion along a log covers it.
     """
     if not feed.knows_errors:
         yield (
             "the monitor knows no errors of its coefficients and noise (coefficient_std, or dispersion=True "
             "with a reference log): such errors raise more false alarms than asked for"
         )
-    for name in feed.measured:
-        apart = steps(log[name][np.isfinite(log[name])])
-        q, known = float(apart.min(initial=math.inf)), parameter_of(watch, f"measurement_noise_{name}")
-        if math.isfinite(q) and q**2 / 12.0 > ROUNDED * known**2:
+    for name in () if feed.knows_dispersion else feed.measured:
+        known = parameter_of(watch, f"measurement_noise_{name}")
+        q = rounded_to(log[name], known)
+        if q:
             unit = watch.signal(name).unit
             yield (
                 f"{name} is rounded to {q:.3g} {unit}, so its noise is "

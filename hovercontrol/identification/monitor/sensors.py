@@ -1,27 +1,36 @@
 """Lost, repeated and outlying samples of a monitor's measured channels, as equations of its Block.
 
-A sample is used if it is marked as present, differs from the sample before, and is not an outlier: an
-innovation of more than :data:`GATE` standard deviations, unless :data:`MOST` of them were left out within a
-given time, since a change is then likelier than so many outliers. A sensor is dead if no new sample has come
-for a given time.
+A sample is used if it is marked as present, differs from the sample before (of a sensor that is not coarse),
+and is not an outlier: an innovation of more than :data:`GATE` standard deviations, unless :data:`MOST` of
+them were left out within a given time, since a change is then likelier than so many outliers. A sensor is
+dead if no new sample has come for a given time.
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
+import numpy as np
 import sympy as sp
 
+from hovercontrol.base.arrays import Array
 from hovercontrol.blocks.signals import Signal
 from hovercontrol.control.observers.filter_equations import expected
 from hovercontrol.control.observers.ins.kalman import Equations, Estimate, wrapped
 from hovercontrol.control.observers.observed import Observed
+from hovercontrol.identification.engine.measure import steps
 
 #: Standard deviations of its innovation beyond which a sample is an outlier; noise exceeds it once in 2 10^6.
 GATE = 5.0
 
 #: Outliers of a channel that are left out within the given time.
 MOST = 3
+
+#: Variance of rounding from which on a sensor is coarse, as a part of that of its noise: evidence is then
+#: 10 % larger.
+ROUNDED = 0.1
 
 
 @dataclass(frozen=True)
@@ -50,6 +59,22 @@ class Sensors:
     dead: list[sp.Expr]
 
 
+def rounded_to(samples: Array, std: float) -> float:
+    """Return the resolution q of a coarse sensor: the smallest change of its samples; 0 if it is not coarse.
+
+    It is coarse if the variance ``q^2/12`` of rounding is more than :data:`ROUNDED` of that of its noise.
+
+    Parameters
+    ----------
+    samples : ndarray
+        Not a number where there is none.
+    std : float
+        Standard deviation of the noise.
+    """
+    q = float(steps(samples[np.isfinite(samples)]).min(initial=math.inf))
+    return q if math.isfinite(q) and q**2 / 12.0 > ROUNDED * std**2 else 0.0
+
+
 def check_samples(
     model: Observed,
     write: Equations,
@@ -59,7 +84,7 @@ def check_samples(
     period: sp.Expr,
     dead_after: sp.Expr,
     *,
-    repeats: bool,
+    repeats: Collection[str],
 ) -> Sensors:
     """Write which samples are used and which sensors are dead.
 
@@ -73,8 +98,8 @@ def check_samples(
         Time within which :data:`MOST` outliers are left out [s], of more than :data:`MOST` ticks.
     period, dead_after : sympy.Expr
         Time between two ticks, and time without a new sample after which a sensor is dead [s].
-    repeats : bool
-        Whether a value equal to the one before is a sample.
+    repeats : collection of str
+        Channels of which a value equal to the one before is a sample.
     """
     h, H = expected(model, write, prior.x)
     states: list[Signal] = []
@@ -86,7 +111,7 @@ def check_samples(
         left_out = Signal(f"left_out[{i}]", "1", f"outliers of {s.name} left out lately")
         states += [last, silent, left_out]
         present = model.fresh[i] > sp.S.Half
-        if not repeats:
+        if s.name not in repeats:
             present = sp.And(present, sp.Abs(s.symbol - last.symbol) > 0)
         received = write.define(f"received[{i}]", sp.Piecewise((1, present), (0, True)))
         difference = s.symbol - h[i]

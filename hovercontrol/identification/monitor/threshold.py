@@ -251,7 +251,7 @@ def threshold_for(
 
     def corrected(h: float, seeds: range) -> float:
         mean = np.mean([false_alarm_rate(found, floor, lower, upper, h, rest=rest, seed=s) for s in seeds])
-        return float(h + 2.0 * np.log(max(float(mean), 1e-300) / rate))
+        return float(h + 2.0 * np.log(mean / rate)) if mean > 0.0 else h
 
     for _ in range(6):
         before, h = h, corrected(h, range(1, 2))

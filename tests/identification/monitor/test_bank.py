@@ -17,7 +17,7 @@ from hovercontrol.identification.monitor.equations import monitor_block
 from hovercontrol.identification.monitor.monitor import named_effects
 from hovercontrol.identification.monitor.motion import Motion
 from hovercontrol.identification.monitor.signatures import along_motion
-from hovercontrol.identification.monitor.threshold import false_alarm_rate, signatures_of
+from hovercontrol.identification.monitor.threshold import false_alarm_rate, signatures_of, threshold_for
 
 PERIOD, DRAG = 0.1, 0.5
 NOISE = {"p": 0.05}
@@ -362,6 +362,8 @@ def test_a_lag_far_from_its_trial_is_estimated_without_bias():
     told = told_by(block, np.array(y), F)
     assert named_effects(block)[int(told["effect"][-1]) - 1] == "F_lag"
     assert told["change"][-1] == pytest.approx(0.6, rel=0.05)
+    late = np.flatnonzero(told["alarm"] > 0.5)[50:]  # the first samples took the slopes of a shorter lag
+    assert (np.abs(told["change"][late] - 0.6) < 3.0 * told["change_std"][late]).all()
 
 
 @pytest.mark.slow
@@ -402,6 +404,12 @@ def test_the_rate_of_tests_of_single_samples_is_the_tail_of_chi_squared():
     one_sided = false_alarm_rate(found, np.array([0.5]), np.zeros(1), FREE, 5.5)
     assert one_sided == pytest.approx(rate / 2, rel=1e-3)
     assert false_alarm_rate(found, np.array([0.5]), -FREE, FREE, 6.1) == 0.0  # limited to 3: 9 < 6.1 * 1.5
+
+
+def test_a_threshold_that_no_limited_test_reaches_stays():
+    """A single sample, limited to 3, reaches 9; of samples without a limit 1e-6 exceed 23.9."""
+    h = threshold_for(steady(600, 1, 1), np.zeros(1), -FREE, FREE, 1e-6)
+    assert 9.0 <= h < 25.0
 
 
 @pytest.mark.slow

@@ -9,6 +9,7 @@ import hovercontrol as hc
 from hovercontrol.identification.monitor.build import build
 from hovercontrol.identification.monitor.feed import Feed
 from hovercontrol.identification.monitor.noise import LEAST, noise_from
+from hovercontrol.identification.monitor.sensors import rounded_to
 
 PERIOD = 0.1
 
@@ -66,3 +67,18 @@ def test_a_model_that_is_far_off_is_said_with_the_share_it_leaves_open(log):
     assert far.unexplained["v"] > 0.3 > 2 * near.unexplained["v"]
     assert f"{100 * far.unexplained['v']:.0f} % of v'" in far.misfit()
     assert replace(far, unexplained={"v": LEAST}).misfit() == ""
+
+
+@pytest.mark.slow
+def test_equal_samples_of_a_coarse_sensor_are_samples():
+    """The cart stands for half of the time, where a sensor of 50 mm/s with noise of 5 mm/s shows 0."""
+    rng, t = np.random.default_rng(3), PERIOD * np.arange(1200)
+    F, v = np.where(t % 20.0 < 10.0, np.sin(2.0 * t), 0.0), np.zeros(t.size)
+    keep = np.exp(-0.5 * PERIOD)
+    for k in range(t.size - 1):
+        v[k + 1] = keep * v[k] + (1 - keep) / 0.5 * F[k] / 2.0 + 0.001 * rng.normal()
+    samples = v + 0.005 * rng.normal(size=t.size)
+    log = hc.Log("run", t, {"v": 0.05 * np.round(samples / 0.05), "F": F})
+    watch = build(cart(), log, train=log, candidates=["c"], measured=["v"]).block
+    assert hc.replay(watch, log).text() == "run: nothing changed in 119.9 s"
+    assert rounded_to(samples, 0.005) == 0.0
