@@ -118,7 +118,7 @@ def test_signatures_along_a_noisy_motion_bring_the_information_of_the_tests():
     """Noise along the motion raises no alarm that would hold the windows."""
     known = estimation_model(cart(), ["p"], {"v": 0.1}, NOISE, {}, 1.0, {}, {}, "monitor", False)
     found = candidates_of(hc.BlockModel(cart()), ["c", "p_bias"], ["p"], {}, "monitor", PERIOD)
-    design = Design(known, tuple(found), PERIOD, 1.0, False, 6, round(0.25 / PERIOD), 1)
+    design = Design(known, tuple(found), PERIOD, 1.0, (), 6, round(0.25 / PERIOD), 1)
     y, F = data(n=151)
     _, shown, _ = along_motion(design, Motion(y[:, None], F[:, None], np.ones((y.size, 1), bool), {}))
     _, last = run(monitor_block(design, 1e9, [1.0, 1.0]), y, F)
