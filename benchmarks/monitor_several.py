@@ -1,6 +1,6 @@
 """Several changes along one log: one after the other, two at once, one that ends, one that grows.
 
-The hovercraft with dry friction of the benchmark of sizes, replayed: a change that is named alone is put into
+The machines with dry friction of the benchmark of sizes, replayed: a change that is named alone is put into
 the monitor, and the next is looked for beside it.
 
 ``python -m benchmarks.monitor_several RUNS`` simulates RUNS for each pair, end and slope (5).
@@ -18,16 +18,30 @@ from dataclasses import dataclass
 import numpy as np
 
 import hovercontrol as hc
-from benchmarks.monitor_sizes import ONSET, PERIOD, Machine, hovercraft, loop_of, monitor_of
+from benchmarks.monitor_sizes import MACHINES, ONSET, PERIOD, Machine, loop_of, monitor_of
 from hovercontrol.identification.monitor.monitor import named_effects
 from hovercontrol.identification.monitor.replay import replay
 
-PAIRS = [
-    (("thrust", -0.15), ("yaw_linear_drag", 0.5)),
-    (("rudder_torque", -0.6), ("thrust", -0.15)),
-    (("yaw_linear_drag", 0.5), ("psi_bias", 0.03)),
-    (("psi_bias", 0.03), ("rudder_torque", -0.6)),
-]
+PAIRS = {
+    "hovercraft": [
+        (("thrust", -0.15), ("yaw_linear_drag", 0.5)),
+        (("rudder_torque", -0.6), ("thrust", -0.15)),
+        (("yaw_linear_drag", 0.5), ("psi_bias", 0.03)),
+        (("psi_bias", 0.03), ("rudder_torque", -0.6)),
+    ],
+    "boat": [
+        (("fan_force", -0.2), ("sway_linear_drag", 1.0)),
+        (("fan_torque", -0.7), ("sway_linear_drag", 2.0)),
+        (("fan_force", -0.4), ("yaw_linear_drag", 1.0)),
+        (("fan_force", -0.4), ("fan_torque", -0.7)),
+    ],
+    "drive": [
+        (("b", 0.6), ("c", 0.6)),
+        (("k", -0.8), ("c", 0.6)),
+        (("k", -0.8), ("b", 0.6)),
+        (("k", -0.8), ("w_bias", 0.3)),
+    ],
+}
 #: Rates of the thrust coefficient, as a part of it in 1 s.
 RATES = 0.002, 0.005, 0.01, 0.03
 #: Time between two changes, and until an end; after the last; at which a slope is judged [s].
@@ -83,33 +97,38 @@ def log_of(machine: Machine, changes: Sequence[Change], seed: int, seconds: floa
     return hc.Log("loop", t, {n: found[n] for n in names if n in machine.noise or n not in machine.process})
 
 
-def pairs(machine: Machine, watch: hc.Block, gap: float, runs: int) -> Counter[str]:
-    """Return how often both changes of a pair are named alone, one, none, and another one alone."""
+def pairs(label: str, machine: Machine, watch: hc.Block, gap: float, runs: int) -> Counter[str]:
+    """Return how often both changes of a pair are named alone, one, none, and another one alone.
+
+    Of both, how many first sizes lie within two standard errors.
+    """
     told: Counter[str] = Counter()
-    for one, other in PAIRS:
-        both = [Change(*one, ONSET), Change(*other, ONSET + gap)]
+    for one, other in PAIRS[label]:
+        both, sizes = [Change(*one, ONSET), Change(*other, ONSET + gap)], dict([one, other])
         for seed in range(1, runs + 1):
             alarms = replay(watch, log_of(machine, both, seed, ONSET + gap + AFTER)).alarms
-            alone = {a.name for a in alarms if not a.rivals and a.kind != "unknown"}
-            names = {one[0], other[0]}
-            told["another one alone"] += bool(alone - names)
-            told[("none, or with rivals", "one", "both")[len(alone & names)]] += 1
+            alone = [a for a in alarms if not a.rivals and a.kind != "unknown"]
+            first = {a.name: a for a in reversed(alone) if a.name in sizes}
+            told["another one alone"] += any(a.name not in sizes for a in alone)
+            told[("none, or with rivals", "one", "both")[len(first)]] += 1
+            if len(first) == 2:
+                told["sizes within two standard errors"] += sum(
+                    abs(a.change - sizes[name]) < 2.0 * a.std for name, a in first.items()
+                )
     return told
 
 
 def rows(runs: int = 5) -> Iterator[tuple[str, str, str, bool | None]]:
-    machine = hovercraft(True)
-    watch = monitor_of(machine)
-    for what, gap in (("one after the other", GAP), ("at once", 0.0)):
-        told = pairs(machine, watch, gap, runs)
+    machines = {label: build(True) for label, build in MACHINES.items()}
+    watches = {label: monitor_of(machine) for label, machine in machines.items()}
+    cases = [("hovercraft", "one after the other", GAP), *((label, "at once", 0.0) for label in MACHINES)]
+    for label, what, gap in cases:
+        told = pairs(label, machines[label], watches[label], gap, runs)
         text = ", ".join(f"{k} {n}" for k, n in told.items() if n)
-        every = runs * len(PAIRS)
-        yield (
-            f"two changes, {what}: named alone",
-            f"{text} of {every}",
-            "both 90 %",
-            told["both"] >= 0.9 * every,
-        )
+        every = runs * len(PAIRS[label])
+        met = told["both"] >= 0.9 * every
+        yield f"{label}, two changes {what}: named alone", f"{text} of {every}", "both 90 %", met
+    machine, watch = machines["hovercraft"], watches["hovercraft"]
     ended = 0
     for seed in range(1, runs + 1):
         change = Change("thrust", -0.15, ONSET, until=ONSET + GAP)

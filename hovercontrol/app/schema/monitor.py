@@ -26,6 +26,7 @@ class AlarmRow(TypedDict):
     rate: Annotated[float | None, "of the change, per s"]
     rate_std: Annotated[float | None, "standard error of the rate; null if there is none"]
     ended: Annotated[float | None, "when the change ended, s; null while it has not"]
+    beside: Annotated[str, "another change at once, an alarm of its own; empty if there is none"]
 
 
 class Monitored(TypedDict):

@@ -3,7 +3,8 @@
 After an alarm the evidence is collected for some seconds, which makes the name and the size sharper; longer
 while there is a rival. A change of the model's own coefficient or a bias that has no rival is then put into
 the monitor, and the tests restart. Any other change stays open: its size is followed until it has ended, or
-is not significant any more. If its name is refuted meanwhile, what takes its place is another alarm.
+is not significant any more. If its name is refuted meanwhile, what takes its place is another alarm. Two
+changes at once are two alarms, settled together.
 """
 
 from __future__ import annotations
@@ -57,6 +58,8 @@ class Alarm:
         Of the change per second, and its standard error.
     ended : float, optional
         When the change ended [s]; not a number while it has not.
+    beside : str, optional
+        Another change that the monitor found at once.
 
     Examples
     --------
@@ -77,6 +80,7 @@ class Alarm:
     rate: float = 0.0
     rate_std: float = math.inf
     ended: float = math.nan
+    beside: str = ""
 
     def __str__(self) -> str:
         if self.kind == "dead":
@@ -93,6 +97,7 @@ class Alarm:
         named = [n for n in self.rivals if not n.startswith("unknown_")]
         named += [f"{_unknown(n[8:])} that is no candidate" for n in self.rivals if n.startswith("unknown_")]
         rivals = f"; or {', '.join(named)}" if named else ""
+        rivals = f"; at once with {self.beside}" if self.beside else rivals
         ended = f"; ended at {self.ended:.1f} s" if math.isfinite(self.ended) else ""
         return f"{self.time:.1f} s: {said} since {self.since:.1f} s{rate}{ended}{rivals}"
 
@@ -153,6 +158,7 @@ class Alarms:
         self.hold = hold or HOLD * parameter_of(block, "settle")
         self.found: list[Alarm] = []
         self.open: Alarm | None = None
+        self._second: Alarm | None = None  # that has changed at once with the open one
         self._largest: Alarm  # the open one where it was most significant
         self.reset_due = False
         self._told = False  # whether the open one is the last of those found
@@ -172,8 +178,11 @@ class Alarms:
         of_sensor = len(self.names) < which <= len(self.names) + len(self._measured)
         if restarting or not which or of_sensor:  # at a restart the outputs are still those before it
             return
-        now = self._alarm(tick, which, tick.time if self.open is None else self.open.time)
-        if self.open is not None and self._told and now.name != self.open.name:
+        now, self._second = self._alarms(tick, which, tick.time if self.open is None else self.open.time)
+        other = self.open is not None and (
+            now.name != self.open.name or now.beside not in ("", self.open.beside)
+        )
+        if other and self._told:
             self.open, now = None, replace(now, time=tick.time)
         if self.open is None:
             self.open = self._largest = now
@@ -214,8 +223,9 @@ class Alarms:
                 yield "ended", self.found[before]
                 return
         self._told = True
-        self.found.append(now)
-        yield "named", now
+        for one in (now,) if self._second is None else (self._second, now):
+            self.found.append(one)
+            yield "named", one
         if math.isfinite(now.ended):
             self.close()
 
@@ -259,6 +269,25 @@ class Alarms:
         self._put[alarm.name] = len(self.found) - 1
         self.close()
 
+    def _alarms(self, tick: Tick, which: int, raised: float) -> tuple[Alarm, Alarm | None]:
+        """Return the alarm, and that of a second change at once."""
+        now = self._alarm(tick, which, raised)
+        at, change, std = (
+            float(tick.values[self._places[key]]) for key in ("second", "second_change", "second_change_std")
+        )
+        if not at:
+            return now, None
+        name = self._every[round(at) - 1]
+        second = replace(
+            now, name=name, kind=self._kind(name), change=change, std=std, unit=self._units[name],
+            beside=now.name,
+        )  # fmt: skip
+        return replace(now, beside=name), second
+
+    def _kind(self, name: str) -> str:
+        biased = name.removesuffix("_bias") in self._measured and name.endswith("_bias")
+        return "bias" if biased else "change"
+
     def _alarm(self, tick: Tick, which: int, raised: float) -> Alarm:
         def value(name: str) -> float:
             return float(tick.values[self._places[name]])
@@ -266,12 +295,11 @@ class Alarms:
         name, unknown = self._every[which - 1], which > len(self.names)
         unknowns = [n for n in self._every if n.startswith("unknown_")]
         others = [n for n in (*self.names, *unknowns) if n != name]
-        rivals = tuple(n for n in others if value(f"possible_{n}") > 0.5)
-        biased = name.removesuffix("_bias") in self._measured and name.endswith("_bias")
+        rivals = tuple(n for n in others if value(f"possible_{n}") > 0.5 and value("second") < 0.5)
         return Alarm(
             raised,
             name.removeprefix("unknown_") if unknown else name,
-            "unknown" if unknown else "bias" if biased else "change",
+            "unknown" if unknown else self._kind(name),
             value("change"),
             value("change_std"),
             self._units[name],

@@ -77,8 +77,10 @@ class Bank:
         standard deviations, by the error before this tick.
     whitened, limited : list of sympy.Expr
         e and its limited value, by measurement.
-    own : list of list of sympy.Expr
-        eta of each candidate since the start, by measurement.
+    own, since : list of list of sympy.Expr
+        eta of each candidate since the start, and since that of window 0, by measurement.
+    rows : sympy.Matrix, shape (m, n)
+        C Psi of window 0. After an alarm, it begins at the tick after that.
     dispersion : list of sympy.Expr
         phi, by candidate.
     """
@@ -104,6 +106,8 @@ class Bank:
     whitened: list[sp.Expr]
     limited: list[sp.Expr]
     own: list[list[sp.Expr]]
+    since: list[list[sp.Expr]]
+    rows: sp.Matrix
     dispersion: list[sp.Expr]
 
 
@@ -218,6 +222,8 @@ def write_bank(
         whitened=seen,
         limited=limited,
         own=[c.own for c in columns],
+        since=found[0].eta,
+        rows=found[0].rows,
         dispersion=list(dispersion),
     )
 
@@ -253,12 +259,14 @@ class _Column:
 
 @dataclass(frozen=True)
 class _Window:
-    """Values of a window's states after the tick: as they go on, and for a new start."""
+    """Values of a window's states after the tick: as they go on, and for a new start; C Psi and eta."""
 
     values: dict[str, sp.Expr]
     fresh: dict[str, sp.Expr]
     begun: list[sp.Matrix]
     Psi: sp.Matrix
+    rows: sp.Matrix
+    eta: list[list[sp.Expr]]
 
 
 def _limited(innovation: sp.Expr, unlimited: sp.Expr) -> sp.Expr:
@@ -366,12 +374,13 @@ def _window(
     values |= {f"Psi[{w},{i},{k}]": after[i, k] for i in range(n) for k in range(n)}
     fresh: dict[str, sp.Expr] = {f"age[{w}]": sp.S.Zero, f"energy[{w}]": sp.S.Zero}
     fresh |= {f"Psi[{w},{i},{k}]": sp.eye(n)[i, k] for i in range(n) for k in range(n)}
-    starts = []
+    starts, shown = [], []
     for j, column in enumerate(columns):
         begun = memory.column(f"begun[{w},{j},", plant, f"s[{j},{{0}}] at the start of window {w}")
         starts.append(begun)
         before = R * begun
         eta = [write.define(f"eta[{w},{j},{i}]", e - before[i]) for i, e in enumerate(column.own)]
+        shown.append(eta)
         sums = {
             "b": (f"score of candidate {j} in window {w}", _dot(eta, seen)),
             "J": (f"information on candidate {j} in window {w}", _dot(eta, eta)),
@@ -385,7 +394,7 @@ def _window(
             fresh[f"{key}[{w},{j}]"] = sp.S.Zero
         values |= {f"begun[{w},{j},{i}]": e for i, e in enumerate(begun)}
         fresh |= {f"begun[{w},{j},{i}]": e for i, e in enumerate(column.after)}
-    return _Window(values, fresh, starts, after)
+    return _Window(values, fresh, starts, after, R, shown)
 
 
 def _side_by_side(state: Signal) -> tuple[str, list[int]]:

@@ -16,7 +16,8 @@ two holds.
 
 Unknown changes, constant accelerations and offsets of sensors, stand beside the candidates with the same
 windows and degree of freedom. Between them and a candidate only the first rule holds: the motion's response
-to an acceleration is linear but for the plant itself. One is named where no candidate is possible.
+to an acceleration is linear but for the plant itself. One is named where no candidate is possible, if no two
+candidates explain the samples (:mod:`.pairs`).
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ from hovercontrol.blocks.signals import Signal
 from hovercontrol.control.observers.ins.kalman import Equations, chosen
 from hovercontrol.identification.monitor.bank import Bank
 from hovercontrol.identification.monitor.candidates import Candidate
+from hovercontrol.identification.monitor.pairs import Paired, pair
 from hovercontrol.identification.monitor.refined import DECIDES, DOUBTED, Refined, Start, refine, within
 from hovercontrol.identification.monitor.sized import Sized
 
@@ -150,26 +152,35 @@ def decide(
     age = of_best("best_age", [bank.age[w] for _, w in at])
     energy = of_best("best_energy", [bank.energy[w] for _, w in at])
     start = Start(b / info, most, likeliest, info, energy, len(channels) * age)
+    forces = {j: floors[j].symbol for j, c in enumerate(unknowns, J) if c.rates}
     refined = refine(
         write, bank, plant, which, alarm, start, after, limits, sized, moves, turns, segment, J,
-        _lasting(candidates), [j for j, c in enumerate(unknowns, J) if c.rates],
+        _lasting(candidates), forces,
     )  # fmt: skip
-    number = chosen(lost, which + len(channels), which)
+    begins = write.define("before_alarm", chosen(latched > sp.S.Half, sp.S.Zero, sp.S.One))
+    paired = pair(
+        write, bank, plant, begins, likeliest * refined.phi * after, refined.phi, refined.likelihoods, J,
+        list(forces), DECIDES,
+    )  # fmt: skip
+    rivals = _unknown_rivals(candidates, unknowns, largest[J:], most, possible, refined.doubts)
+    two, possible = _both(write, paired, told, lost, possible)
+    said = chosen(two > sp.S.Half, paired.numbers[0], which)
+    number = chosen(sp.And(lost, two < sp.S.Half), which + len(channels), said)
     outputs = _alarm_outputs(write, candidates, channels, dead, alarm, number)
     outputs[Signal("evidence", "1", "largest g; alarm above the threshold")] = best
-    outputs |= _size_outputs(write, candidates, refined, which, told, age, period)
+    outputs |= _size_outputs(write, candidates, refined, said, told, age, period, two, paired, bank.age[0])
     outputs |= _outputs_of_each(candidates, largest, possible, told)
     for s, d in zip(channels, dead, strict=True):
         outputs[Signal(f"dead_{s.name}", "1", f"1 while no new sample of {s.name} comes")] = d
-    rivals = _unknown_rivals(candidates, unknowns, largest[J:], most, possible, refined.doubts)
-    outputs |= _unknown_outputs(unknowns, J, which, told, rivals)
+    outputs |= _unknown_outputs(unknowns, J, which, sp.And(told, two < sp.S.Half), rivals)
     refutes = refined.refuted > sp.S.Half
     following = {
         s.name: chosen(sp.And(refutes, sp.Abs(which - (j + 1)) < sp.S.Half), sp.S.One, s.symbol)
         for j, s in enumerate(refuted)
     }
     values = {s.name: e for s, e in outputs.items()}
-    return Decision(tuple(outputs), values, alarm, refined, tuple(refuted), following)
+    states = (*refuted, *paired.states)
+    return Decision(tuple(outputs), values, alarm, refined, states, following | paired.next_values)
 
 
 def _limited_evidence(
@@ -225,6 +236,23 @@ def _unknown_rivals(
         doubt = doubts[p] if p < len(doubts) else sp.false
         found.append(sp.And(sp.Or(g >= most - sp.Float(DOUBTED), doubt), sp.Not(sp.Or(*twins))))
     return found
+
+
+def _both(
+    write: Equations, paired: Paired, told: sp.Expr, lost: sp.Expr, possible: Sequence[sp.Expr]
+) -> tuple[sp.Expr, list[sp.Expr]]:
+    """Write whether two changes are told; return it, and whether each candidate is possible.
+
+    They are told where no candidate alone is possible, or accelerations explain more than what was named. In
+    the latter case they are possible, too, if another pair explains as much.
+    """
+    half = sp.S.Half
+    sought = sp.Or(lost, paired.sought > half)
+    two = write.define("two_changes", chosen(sp.And(told, sought, paired.only > half), sp.S.One, sp.S.Zero))
+    doubt = sp.And(told, sp.Not(lost), paired.sought > half, paired.likely > half)
+    shown = write.define("pair_shown", chosen(doubt, sp.S.One, two))
+    mine = [[sp.Abs(shown * k - (j + 1)) < half for k in paired.numbers] for j in range(len(possible))]
+    return two, [sp.Or(sp.And(p, two < half), *own) for p, own in zip(possible, mine, strict=True)]
 
 
 def _lasting(candidates: Sequence[Candidate]) -> list[int]:
@@ -285,22 +313,49 @@ def _size_outputs(
     told: sp.Expr,
     age: sp.Expr,
     period: sp.Expr,
+    two: sp.Expr,
+    paired: Paired,
+    since_alarm: sp.Expr,
 ) -> dict[Signal, sp.Expr]:
-    """Return the size of the named change, its rate, and for how long."""
-    pairs = [(sp.Float(c.scale), which < j + 1.5) for j, c in enumerate(candidates)]
-    size = write.define("scale", sp.Piecewise(*pairs, (sp.S.One, True), evaluate=False))
+    """Return the size of the named change, or of both, its rate, and for how long."""
+
+    def scale(name: str, number: sp.Expr) -> sp.Expr:
+        pairs = [(sp.Float(c.scale), number < j + 1.5) for j, c in enumerate(candidates)]
+        return write.define(name, sp.Piecewise(*pairs, (sp.S.One, True), evaluate=False))
+
+    size, other = scale("scale", which), scale("second_scale", paired.numbers[1])
+    both = two > sp.S.Half
+    theta, variance, held = (
+        chosen(both, a, b)
+        for a, b in (
+            (paired.theta[0], refined.theta),
+            (paired.variance[0], refined.variance),
+            (since_alarm, refined.age),
+        )
+    )
     text = "change of the named candidate's coefficient, or unknown acceleration, in its SI unit"
-    std, rate_std = (sp.sqrt(sp.Max(0, v)) * sp.Abs(size) for v in (refined.variance, refined.rate_variance))
+
+    def std(variance: sp.Expr, size: sp.Expr) -> sp.Expr:
+        return sp.sqrt(sp.Max(0, variance)) * sp.Abs(size)
+
     return {
-        Signal("change", "1", text): refined.theta * size,
-        Signal("change_std", "1", "standard deviation of the change"): std,
-        Signal("rate", "1/s", "of the change, with its rate_std"): refined.rate * size / period,
-        Signal("rate_std", "1/s", "standard deviation of the rate"): rate_std / period,
-        Signal("ended", "1", "1 if the named change has ended"): chosen(told, refined.ended, sp.S.Zero),
-        Signal("since", "s", "time since the estimated onset"): chosen(told, age * period, 0 * period),
-        Signal("held", "s", "time for which the amplitude has held"): (
-            chosen(told, refined.age * period, 0 * period)
+        Signal("change", "1", text): theta * size,
+        Signal("change_std", "1", "standard deviation of the change"): std(variance, size),
+        Signal("second", "1", "number of a second candidate that has changed at once, or 0"): (
+            chosen(both, paired.numbers[1], sp.S.Zero)
         ),
+        Signal("second_change", "1", "change of its coefficient, in its SI unit"): two
+        * paired.theta[1]
+        * other,
+        Signal("second_change_std", "1", "standard deviation of that"): two * std(paired.variance[1], other),
+        Signal("rate", "1/s", "of the change, with its rate_std"): (1 - two) * refined.rate * size / period,
+        Signal("rate_std", "1/s", "standard deviation of the rate"): std(refined.rate_variance, size)
+        / period,
+        Signal("ended", "1", "1 if the named change has ended"): (
+            chosen(sp.And(told, two < sp.S.Half), refined.ended, sp.S.Zero)
+        ),
+        Signal("since", "s", "time since the estimated onset"): chosen(told, age * period, 0 * period),
+        Signal("held", "s", "time for which the amplitude has held"): chosen(told, held * period, 0 * period),
     }
 
 

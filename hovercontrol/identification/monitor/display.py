@@ -86,7 +86,7 @@ def rows_of(alarms: tuple[Alarm, ...]) -> list[tuple[object, ...]]:
             "" if a.kind == "dead" else f"{a.change:.4g} ± {a.std:.2g} {'' if a.unit == '1' else a.unit}",
             f"{a.since:.1f}",
             f"{a.last:.1f}",
-            ", ".join(a.rivals),
+            f"at once with {a.beside}" if a.beside else ", ".join(a.rivals),
         )
         for a in alarms
     ]

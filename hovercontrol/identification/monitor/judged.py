@@ -25,7 +25,7 @@ accelerations have the evidence that the one with most has in the bank beside th
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import sympy as sp
@@ -94,6 +94,8 @@ class Judged:
         Whether it may be due to any.
     wandering : Tracked
         The named change with an amplitude that wanders.
+    others : list of sympy.Expr
+        Twice the log-likelihood of the tick's samples by accelerations that wander, if there are any.
     """
 
     states: tuple[Signal, ...]
@@ -104,6 +106,7 @@ class Judged:
     doubts: list[sp.Expr]
     doubt: sp.Expr
     wandering: Tracked
+    others: list[sp.Expr]
 
 
 def judge(
@@ -111,7 +114,7 @@ def judge(
     plant: Sequence[Signal],
     bank: Bank,
     named: Named,
-    forces: Sequence[int],
+    forces: Mapping[int, sp.Expr],
     segment: int,
     decides: float,
     doubted: float,
@@ -122,8 +125,8 @@ def judge(
     ----------
     plant : sequence of Signal
         States of the filter.
-    forces : sequence of int
-        Unknown accelerations, by number from 0 in the bank.
+    forces : mapping of int to sympy.Expr
+        J0 of unknown accelerations, by number from 0 in the bank.
     segment : int
         Ticks of a segment.
     decides, doubted : float
@@ -144,8 +147,10 @@ def judge(
     unsure = sp.Or(named.steady < sp.S.Half, named.sure < sp.S.Half)
     doubt = sp.Or(starts, ahead < doubted, unsure)
     doubts: list[sp.Expr] = []
+    likelihoods: list[sp.Expr] = []
     if forces:
         others, less = _accelerations(write, plant, bank, named, forces, ticks)
+        likelihoods = [others.likelihood]
         against = Signal("against", "1", "evidence for unknown accelerations, not the named change")
         more = against.symbol + others.likelihood - named.likelihood
         now = write.define("against_now", sp.Max(more, -2 * decides))
@@ -163,19 +168,26 @@ def judge(
     renewed = write.define("renewed", chosen(sp.And(moved, refuted < sp.S.Half), sp.S.One, sp.S.Zero))
     following[lead.name] = chosen(sp.Or(starts, renewed > sp.S.Half), sp.S.Zero, ahead)
     holds = chosen(ahead < doubted, sp.S.Zero, sp.S.One)
-    return Judged(tuple(states), following, renewed, refuted, holds, doubts, doubt, wandering)
+    return Judged(tuple(states), following, renewed, refuted, holds, doubts, doubt, wandering, likelihoods)
 
 
 def _accelerations(
-    write: Equations, plant: Sequence[Signal], bank: Bank, named: Named, forces: Sequence[int], ticks: sp.Expr
+    write: Equations,
+    plant: Sequence[Signal],
+    bank: Bank,
+    named: Named,
+    forces: Mapping[int, sp.Expr],
+    ticks: sp.Expr,
 ) -> tuple[Tracked, sp.Expr]:
     """Write accelerations that wander; return them, and their evidence beside that of the name at the start.
 
-    They begin with the error that the named change explains, and with the acceleration of most evidence.
+    They begin with the error that the named change explains, and with the acceleration of most evidence. J0
+    keeps them finite where the window is a tick long.
     """
     n, r = len(plant), len(forces)
     info = [
-        sp.Max(of_window(write, f"unknown_J[{p}]", bank.information[j]), 1e-300) for p, j in enumerate(forces)
+        write.define(f"unknown_info[{p}]", of_window(write, f"unknown_J[{p}]", bank.information[j]) + floor)
+        for p, (j, floor) in enumerate(forces.items())
     ]
     score = [of_window(write, f"unknown_b[{p}]", bank.score[j]) for p, j in enumerate(forces)]
     shown = [

@@ -10,6 +10,8 @@ Interface of the Block. Inputs: the measured channels and the commands under the
   ``threshold``;
 - ``change``, ``change_std``: present change of the named candidate's coefficient, or unknown acceleration,
   and its standard deviation, in its SI unit; ``rate``, ``rate_std``: the same of its rate per second;
+- ``second``: 0, or the number of a candidate that has changed at once; ``second_change``,
+  ``second_change_std``;
 - ``ended``: 1 if the named change has ended; ``held`` [s]: time for which its size has held;
 - ``since`` [s]: time since the estimated onset;
 - ``evidence_NAME`` for each candidate, and ``possible_NAME``: 1 if an alarm may be due to it, that is if it

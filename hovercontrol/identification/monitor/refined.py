@@ -103,6 +103,10 @@ class Refined:
         1 if unknown accelerations explain more than the name.
     doubts : list of sympy.Expr
         For each unknown acceleration, whether it may be the cause, and is the largest one.
+    phi : sympy.Expr
+        Dispersion of the named change.
+    likelihoods : list of sympy.Expr
+        Twice the log-likelihood of the tick's samples by the name, and by accelerations that wander.
     """
 
     states: tuple[Signal, ...]
@@ -116,6 +120,8 @@ class Refined:
     shift: sp.Matrix
     refuted: sp.Expr
     doubts: list[sp.Expr]
+    phi: sp.Expr
+    likelihoods: list[sp.Expr]
 
 
 @dataclass(frozen=True)
@@ -161,7 +167,7 @@ def refine(
     segment: int,
     tested: int,
     lasting: Sequence[int],
-    forces: Sequence[int],
+    forces: Mapping[int, sp.Expr],
 ) -> Refined:
     """Write the estimate.
 
@@ -191,8 +197,8 @@ def refine(
     lasting : sequence of int
         Candidates with a memory (lags, delays), by number from 0. Their response at another size has another
         shape, so what their linearisation leaves is no evidence against them.
-    forces : sequence of int
-        Unknown accelerations, by number from 0.
+    forces : mapping of int to sympy.Expr
+        J0 of unknown accelerations, by number from 0.
     """
     it = _Estimate(write, bank, plant, which, told, tested, segment)
     it.choose(sized)
@@ -356,7 +362,7 @@ class _Estimate:
         explained = self.Psi_next * part[:n, :] + part[n] * s_next + part[n + 1] * ramp_next
         self.then = {"named_s": s_next, "named_ramp": ramp_next, "named_o": self.error_next - explained}
 
-    def judge(self, start: Start, after: sp.Matrix, spared: sp.Expr, forces: Sequence[int]) -> None:
+    def judge(self, start: Start, after: sp.Matrix, spared: sp.Expr, forces: Mapping[int, sp.Expr]) -> None:
         """Write whether the amplitude holds, and whether the name does."""
         write, n = self._write, self._n
         along = [*_explained(write, self._bank, n, self._of_named), sp.S.One]
@@ -448,6 +454,8 @@ class _Estimate:
             self.shift,
             self.judged.refuted,
             self.judged.doubts,
+            self.phi,
+            [self.likelihood, *self.judged.others],
         )
 
 

@@ -169,6 +169,7 @@ def alarm_json(alarm: Alarm) -> dict[str, Any]:
             "rate": alarm.rate,
             "rate_std": alarm.rate_std,
             "ended": alarm.ended,
+            "beside": alarm.beside,
         }
     )
     return found
@@ -304,10 +305,14 @@ def events(feed: Feed, alarms: Alarms, one: Tick | Note) -> Iterator[tuple[str, 
 
 
 def settle(feed: Feed, alarms: Alarms, event: str, alarm: Alarm) -> Alarm:
-    """Put a change that is named without a rival into the monitor; return the alarm with its size."""
+    """Put a change that is named without a rival into the monitor; return the alarm with its size.
+
+    Of two changes at once, both must be such that they can be put into it.
+    """
     if event == "ended" and alarms.open is None and feed.holds(alarm.name):
         feed.adopt(alarm.name, -alarm.change)
-    if event != "named" or alarm.rivals or not math.isnan(alarm.ended) or not feed.holds(alarm.name):
+    held = all(feed.holds(name) for name in (alarm.name, alarm.beside or alarm.name))
+    if event != "named" or alarm.rivals or not math.isnan(alarm.ended) or not held:
         return alarm
     taken = feed.adopt(alarm.name, alarm.change)
     if taken == 0.0:  # at its bound already, another cause is likelier
