@@ -51,6 +51,8 @@ class Decision:
         1 if a test has raised an alarm, at this tick or before.
     refined : Refined
         Estimate of the named change.
+    paired : Paired
+        Two changes at once.
     states : tuple of Signal
     next_values : dict of str to sympy.Expr
         Without resets.
@@ -60,6 +62,7 @@ class Decision:
     values: dict[str, sp.Expr]
     alarm: sp.Expr
     refined: Refined
+    paired: Paired
     states: tuple[Signal, ...]
     next_values: dict[str, sp.Expr]
 
@@ -157,9 +160,8 @@ def decide(
         write, bank, plant, which, alarm, start, after, limits, sized, moves, turns, segment, J,
         _lasting(candidates), forces,
     )  # fmt: skip
-    begins = write.define("before_alarm", chosen(latched > sp.S.Half, sp.S.Zero, sp.S.One))
     paired = pair(
-        write, bank, plant, begins, likeliest * refined.phi * after, refined.phi, refined.likelihoods, J,
+        write, bank, plant, latched, likeliest * refined.phi * after, refined.phi, refined.likelihoods, J,
         list(forces), DECIDES,
     )  # fmt: skip
     rivals = _unknown_rivals(candidates, unknowns, largest[J:], most, possible, refined.doubts)
@@ -179,8 +181,7 @@ def decide(
         for j, s in enumerate(refuted)
     }
     values = {s.name: e for s, e in outputs.items()}
-    states = (*refuted, *paired.states)
-    return Decision(tuple(outputs), values, alarm, refined, states, following | paired.next_values)
+    return Decision(tuple(outputs), values, alarm, refined, paired, tuple(refuted), following)
 
 
 def _limited_evidence(

@@ -206,11 +206,21 @@ def _assembled(
     elapsed = write.define("elapsed", sp.Min(RUNNING.symbol + step, settle))
     tests = (LATCHED, *decision.states, *bank.states, *decision.refined.states)
     following = _following(states, tests, then, own, bank, decision, settled, elapsed)
-    following |= sensors.next_values | memory.next_values | at.next_values
+    following |= sensors.next_values | memory.next_values | at.next_values | decision.paired.next_values
+    apart = (*sensors.states, *memory.states, *begun.ahead, *at.states, *decision.paired.states)
     following |= {s.name: (Phi[i, :] * begun.shift)[0] for i, s in enumerate(begun.ahead)}
     return Block(
         model.name,
-        states=(*states, RUNNING, *sensors.states, *memory.states, *begun.ahead, *at.states, *tests),
+        states=(
+            *states,
+            RUNNING,
+            *sensors.states,
+            *memory.states,
+            *begun.ahead,
+            *at.states,
+            *tests,
+            *decision.paired.states,
+        ),
         inputs=(*model.inputs, RESET),
         outputs=decision.outputs,
         parameters=begun.parameters,

@@ -86,7 +86,7 @@ def pair(
     write: Equations,
     bank: Bank,
     plant: Sequence[Signal],
-    begins: sp.Expr,
+    goes_on: sp.Expr,
     prior: sp.Matrix,
     phi: sp.Expr,
     rivals: Sequence[sp.Expr],
@@ -100,8 +100,8 @@ def pair(
     ----------
     plant : sequence of Signal
         States of the filter.
-    begins : sympy.Expr
-        1 up to the tick of the alarm.
+    goes_on : sympy.Expr
+        1 after the tick of the alarm, else 0: all begins anew.
     prior : sympy.Matrix, shape (n, n)
         Covariance of d0.
     phi : sympy.Expr
@@ -119,7 +119,7 @@ def pair(
     if tested < 2:
         none = sp.S.Zero, sp.S.Zero
         return Paired((), {}, *[sp.S.Zero] * 3, none, none, none)
-    it = _Pairs(write, bank, plant, begins, phi, tested, forces, decides)
+    it = _Pairs(write, bank, plant, goes_on, phi, tested, forces, decides)
     it.update(prior, rivals)
     return it.told()
 
@@ -132,14 +132,14 @@ class _Pairs:
         write: Equations,
         bank: Bank,
         plant: Sequence[Signal],
-        begins: sp.Expr,
+        goes_on: sp.Expr,
         phi: sp.Expr,
         tested: int,
         forces: Sequence[int],
         decides: float,
     ) -> None:
         self._write, self._bank, self._plant, self._phi = write, bank, plant, phi
-        self._begins, self._tested = begins > sp.S.Half, tested
+        self._goes_on, self._tested = goes_on, tested
         self._decides, self._beyond = decides, decides + 2.0 * math.log(tested * (tested - 1) / 2)
         self._which = [*range(tested), *forces]
         self._pairs = [p for p in itertools.combinations(range(len(self._which)), 2) if p[0] < tested]
@@ -149,9 +149,6 @@ class _Pairs:
     def _state(self, name: str, text: str, unit: str = "1") -> sp.Symbol:
         self._own.append(Signal(f"pair_{name}", unit, text))
         return self._own[-1].symbol
-
-    def _follow(self, name: str, first: sp.Expr, value: sp.Expr) -> None:
-        self._following[f"pair_{name}"] = chosen(self._begins, first, value)
 
     def update(self, prior: sp.Matrix, rivals: Sequence[sp.Expr]) -> None:
         """Write the recursion of this tick's measurements and the sums."""
@@ -188,11 +185,10 @@ class _Pairs:
                 added[key] += over[key[0]] * (zeta[key[1]] if len(key) == 2 else rho)
             energy, logs = energy + rho**2 / S, logs + sp.log(S)
         for i in range(n):
-            self._follow(f"z[{i}]", sp.S.Zero, z[i])
-            for j in K:
-                self._follow(f"U[{j},{i}]", sp.S.Zero, U[j][i])
+            self._following[f"pair_z[{i}]"] = self._goes_on * z[i]
+            self._following.update({f"pair_U[{j},{i}]": self._goes_on * U[j][i] for j in K})
         for i, k in upper:
-            self._follow(f"V[{i},{k}]", prior[i, k], V[i, k])
+            self._following[f"pair_V[{i},{k}]"] = chosen(self._goes_on > sp.S.Half, V[i, k], prior[i, k])
         self._b = [self._sum(f"b[{j}]", f"score of change {j}", added[j,]) for j in K]
         self._J = {
             key: self._sum(f"J[{key[0]},{key[1]}]", "information on changes", more)
@@ -206,7 +202,7 @@ class _Pairs:
 
     def _sum(self, name: str, text: str, more: sp.Expr) -> sp.Expr:
         value = self._write.define(f"pair_now_{name}", self._state(name, text) + more)
-        self._follow(name, sp.S.Zero, value)
+        self._following[f"pair_{name}"] = self._goes_on * value
         return value
 
     def told(self) -> Paired:
@@ -226,17 +222,20 @@ class _Pairs:
             if share[j] != 1 or share[k] != 1:
                 G = sp.Max(G, part[k] + (alone[j] + q - alone[k]) * share[j])
             evidence.append(write.define(f"pair_g[{j},{k}]", G))
-        best = write.define("pair_best", sp.Max(*evidence, evaluate=False))
-        near = [chosen(g > best - self._decides, sp.S.One, sp.S.Zero) for g in evidence]
-        own = [(p, g) for p, g in zip(self._pairs, evidence, strict=True) if p[1] < self._tested]
-        tops = [g >= best for _, g in own]
+        own = [g for p, g in zip(self._pairs, evidence, strict=True) if p[1] < self._tested]
+        pairs = [p for p in self._pairs if p[1] < self._tested]
+        unknown = [g for p, g in zip(self._pairs, evidence, strict=True) if p[1] >= self._tested]
+        best = write.define("pair_best", sp.Max(*own, evaluate=False))
+        near = [chosen(g > best - self._decides, sp.S.One, sp.S.Zero) for g in own]
+        most = write.define("pair_unknown", sp.Max(sp.S.Zero, *unknown, evaluate=False))
+        tops = [g >= best for g in own]
 
         def of_best(name: str, values: Sequence[sp.Expr]) -> sp.Expr:
             pieces = list(zip(values[:-1], tops[:-1], strict=True))
             return write.define(name, sp.Piecewise(*pieces, (values[-1], True), evaluate=False))
 
-        at = [of_best(f"pair_at[{r}]", [sp.Integer(p[r]) for p, _ in own]) for r in (0, 1)]
-        both = of_best("pair_both", [J[p] for p, _ in own])
+        at = [of_best(f"pair_at[{r}]", [sp.Integer(p[r]) for p in pairs]) for r in (0, 1)]
+        both = of_best("pair_both", [J[p] for p in pairs])
 
         def of_one(name: str, r: int, values: Sequence[sp.Expr]) -> sp.Expr:
             pieces = [(v, at[r] < j + 0.5) for j, v in enumerate(values[: self._tested - 1])]
@@ -259,11 +258,11 @@ class _Pairs:
         least = sp.Min(*(e * s for e, s in zip(beside, f, strict=True)), evaluate=False)
         least = write.define("pair_least_part", least)
         others = write.define("pair_others", sum(near, sp.S.Zero))
-        likeliest = write.define("pair_own", sp.Max(*(g for _, g in own), evaluate=False))
         rival = write.define("pair_rival", sp.Max(*self._rivals, evaluate=False))
         left = write.define("pair_left", self._energy - h[0] - beside[1] - N - LEFT * sp.sqrt(2 * N))
-        likely = sp.And(least > self._beyond, likeliest >= best, rival < best - self._beyond, left < 0)
+        likely = sp.And(least > self._beyond, best >= most, rival < best - self._beyond, left < 0)
         likely = write.define("pair_likely", chosen(likely, sp.S.One, sp.S.Zero))
+        only = sp.And(others < sp.Float(1.5), most < best - self._decides)
         sought = write.define("pair_sought", self._rivals[-1] - self._rivals[0]) > self._decides
         swap = write.define("pair_swap", h[1] * f[1] - h[0] * f[0]) > 0
 
@@ -278,7 +277,10 @@ class _Pairs:
             tuple(self._own),
             self._following,
             likely,
-            write.define("pair_only", chosen(others < sp.Float(1.5), likely, sp.S.Zero)),
+            write.define(
+                "pair_only",
+                chosen(sp.And(others < sp.Float(1.5), most < best - self._decides), likely, sp.S.Zero),
+            ),
             chosen(sought, sp.S.One, sp.S.Zero),
             ordered("pair_number", [a + 1 for a in at]),
             ordered("pair_amplitude", theta),

@@ -24,9 +24,9 @@ def cart_monitor(*candidates):
 
 
 @cache
-def step(c):
+def step(c, m=MASS):
     """Return the exact solution over a tick, p and v by p, v and F."""
-    return expm(PERIOD * np.array([[0.0, 1.0, 0.0], [0.0, -c, 1.0 / MASS], [0.0, 0.0, 0.0]]))[:2]
+    return expm(PERIOD * np.array([[0.0, 1.0, 0.0], [0.0, -c, 1.0 / m], [0.0, 0.0, 0.0]]))[:2]
 
 
 def log(
