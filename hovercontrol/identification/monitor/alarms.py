@@ -179,10 +179,7 @@ class Alarms:
         if restarting or not which or of_sensor:  # at a restart the outputs are still those before it
             return
         now, self._second = self._alarms(tick, which, tick.time if self.open is None else self.open.time)
-        other = self.open is not None and (
-            now.name != self.open.name or now.beside not in ("", self.open.beside)
-        )
-        if other and self._told:
+        if self._told and self._is_another(now):
             self.open, now = None, replace(now, time=tick.time)
         if self.open is None:
             self.open = self._largest = now
@@ -211,6 +208,11 @@ class Alarms:
                 yield "ended", now
         elif tick.time - now.time >= self.hold * (LONGER if now.rivals and math.isnan(now.ended) else 1.0):
             yield from self._name(now)
+
+    def _is_another(self, now: Alarm) -> bool:
+        """Return whether a change is not the open one, or is found with another one at once."""
+        before = self.open
+        return before is not None and (now.name != before.name or now.beside not in ("", before.beside))
 
     def _name(self, now: Alarm) -> Iterator[tuple[str, Alarm]]:
         before = self._put.get(now.name)

@@ -211,16 +211,7 @@ def _assembled(
     following |= {s.name: (Phi[i, :] * begun.shift)[0] for i, s in enumerate(begun.ahead)}
     return Block(
         model.name,
-        states=(
-            *states,
-            RUNNING,
-            *sensors.states,
-            *memory.states,
-            *begun.ahead,
-            *at.states,
-            *tests,
-            *decision.paired.states,
-        ),
+        states=(*states, RUNNING, *apart, *tests),
         inputs=(*model.inputs, RESET),
         outputs=decision.outputs,
         parameters=begun.parameters,

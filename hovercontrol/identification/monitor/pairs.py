@@ -118,7 +118,7 @@ def pair(
     """
     if tested < 2:
         none = sp.S.Zero, sp.S.Zero
-        return Paired((), {}, *[sp.S.Zero] * 3, none, none, none)
+        return Paired((), {}, sp.S.Zero, *none, none, none, none)
     it = _Pairs(write, bank, plant, goes_on, phi, tested, forces, decides)
     it.update(prior, rivals)
     return it.told()
@@ -152,19 +152,7 @@ class _Pairs:
 
     def update(self, prior: sp.Matrix, rivals: Sequence[sp.Expr]) -> None:
         """Write the recursion of this tick's measurements and the sums."""
-        write, n, K = self._write, len(self._plant), range(len(self._which))
-        units, text = [s.unit for s in self._plant], "error at the alarm without a change"
-        z = sp.Matrix([self._state(f"z[{i}]", text, u) for i, u in enumerate(units)])
-        upper = [(i, k) for i in range(n) for k in range(i, n)]
-        V = {
-            (i, k): self._state(f"V[{i},{k}]", "its covariance", f"({units[i]})*({units[k]})")
-            for i, k in upper
-        }
-        V = sp.Matrix(n, n, lambda i, k: V[min(i, k), max(i, k)])
-        text = "its sensitivity to change {}"
-        U = [
-            sp.Matrix([self._state(f"U[{j},{i}]", text.format(j), u) for i, u in enumerate(units)]) for j in K
-        ]
+        write, K, (z, V, U) = self._write, range(len(self._which)), self._first_stage()
         added = dict.fromkeys([*((j,) for j in K), *((j, j) for j in K), *self._pairs], sp.S.Zero)
         energy = logs = sp.S.Zero
         for i, seen in enumerate(self._bank.whitened):
@@ -178,27 +166,44 @@ class _Pairs:
                 for j, c in enumerate(self._which)
             ]
             z = write.matrix(f"pair_{i}_z", z + gain * rho)
-            V = write.symmetric(f"pair_{i}_V", n, {(a, b): V[a, b] - gain[a] * Vr[b] for a, b in upper})
+            entries = {(a, b): V[a, b] - gain[a] * Vr[b] for a, b in self._upper}
+            V = write.symmetric(f"pair_{i}_V", len(z), entries)
             U = [write.matrix(f"pair_{i}_U{j}", U[j] + gain * zeta[j]) for j in K]
             over = [write.define(f"pair_{i}_over[{j}]", zeta[j] / S) for j in K]
             for key in added:
                 added[key] += over[key[0]] * (zeta[key[1]] if len(key) == 2 else rho)
             energy, logs = energy + rho**2 / S, logs + sp.log(S)
-        for i in range(n):
-            self._following[f"pair_z[{i}]"] = self._goes_on * z[i]
-            self._following.update({f"pair_U[{j},{i}]": self._goes_on * U[j][i] for j in K})
-        for i, k in upper:
-            self._following[f"pair_V[{i},{k}]"] = chosen(self._goes_on > sp.S.Half, V[i, k], prior[i, k])
-        self._b = [self._sum(f"b[{j}]", f"score of change {j}", added[j,]) for j in K]
+        goes_on, following = self._goes_on, self._following
+        following |= {f"pair_z[{i}]": goes_on * e for i, e in enumerate(z)}
+        following |= {f"pair_U[{j},{i}]": goes_on * e for j in K for i, e in enumerate(U[j])}
+        following |= {
+            f"pair_V[{i},{k}]": chosen(goes_on > sp.S.Half, V[i, k], prior[i, k]) for i, k in self._upper
+        }
+        self._b = [self._sum(f"b[{j}]", f"score of change {j}", added.pop((j,))) for j in K]
         self._J = {
-            key: self._sum(f"J[{key[0]},{key[1]}]", "information on changes", more)
-            for key, more in added.items()
-            if len(key) == 2
+            (j, k): self._sum(f"J[{j},{k}]", "information on changes", e) for (j, k), e in added.items()
         }
         self._energy = self._sum("energy", "sum of squares without a change", energy)
         text = "twice the log-likelihood of another explanation, over that of no change"
         said = write.define("pair_spread", energy + logs)
         self._rivals = [self._sum(f"rival[{r}]", text, e + said) for r, e in enumerate(rivals)]
+
+    def _first_stage(self) -> tuple[sp.Matrix, sp.Matrix, list[sp.Matrix]]:
+        """Return the estimate of d0, its covariance and its sensitivity to each change."""
+        units, n = [s.unit for s in self._plant], len(self._plant)
+        self._upper = [(i, k) for i in range(n) for k in range(i, n)]
+        z = sp.Matrix([self._state(f"z[{i}]", "error at the alarm", u) for i, u in enumerate(units)])
+        V = {
+            (i, k): self._state(f"V[{i},{k}]", "its covariance", f"({units[i]})*({units[k]})")
+            for i, k in self._upper
+        }
+        U = [
+            sp.Matrix(
+                [self._state(f"U[{j},{i}]", f"its sensitivity to change {j}", u) for i, u in enumerate(units)]
+            )
+            for j in range(len(self._which))
+        ]
+        return z, sp.Matrix(n, n, lambda i, k: V[min(i, k), max(i, k)]), U
 
     def _sum(self, name: str, text: str, more: sp.Expr) -> sp.Expr:
         value = self._write.define(f"pair_now_{name}", self._state(name, text) + more)
@@ -207,84 +212,110 @@ class _Pairs:
 
     def told(self) -> Paired:
         """Write which two changes explain most, and whether they are told."""
-        write, b, J, K = self._write, self._b, self._J, range(len(self._which))
-        info = [write.define(f"pair_info[{j}]", sp.Max(J[j, j], 1e-300)) for j in K]
-        size = [write.define(f"pair_size[{j}]", b[j] / info[j]) for j in K]
-        alone = [write.define(f"pair_alone[{j}]", b[j] * size[j]) for j in K]
+        write, K = self._write, range(len(self._which))
+        info = [write.define(f"pair_info[{j}]", sp.Max(self._J[j, j], 1e-300)) for j in K]
+        size = [write.define(f"pair_size[{j}]", self._b[j] / info[j]) for j in K]
+        alone = [write.define(f"pair_alone[{j}]", self._b[j] * size[j]) for j in K]
         share = [self._share(j) for j in K]
-        part = [write.define(f"pair_part[{j}]", alone[j] * share[j]) for j in K]
-        apart = [write.define(f"pair_apart[{j}]", APART * info[j]) for j in K]
-        evidence = []
+        evidence = self._evidence(info, size, alone, share)
+        best = sp.Max(*(g for p, g in evidence.items() if p[1] < self._tested), evaluate=False)
+        best = write.define("pair_best", best)
+        at, both = self._best(evidence, best)
+        i, t, h, f = (
+            [self._of(at[r], f"pair_of_{key}[{r}]", values) for r in (0, 1)]
+            for key, values in (("info", info), ("size", size), ("alone", alone), ("share", share))
+        )
+        rest, theta, beside = [], [], []
+        for a, b in ((0, 1), (1, 0)):
+            left = sp.Max(i[a] - both**2 / i[b], APART * i[a])
+            rest.append(write.define(f"pair_rest[{a}]", left))
+            theta.append(write.define(f"pair_theta[{a}]", (i[a] * t[a] - both * t[b]) / rest[a]))
+            beside.append(write.define(f"pair_beside[{a}]", theta[a] ** 2 * rest[a]))
+        parts = [beside[0] * f[0], beside[1] * f[1]]
+        wide, swap = 1 / sp.Min(*f), write.define("pair_swap", h[1] * f[1] - h[0] * f[0]) > 0
+
+        def ordered(name: str, a: sp.Expr, b: sp.Expr) -> tuple[sp.Expr, sp.Expr]:
+            first = write.define(f"{name}_first", chosen(swap, b, a))
+            return first, write.define(f"{name}_second", chosen(swap, a, b))
+
+        return Paired(
+            tuple(self._own),
+            self._following,
+            *self._verdict(evidence, best, parts, h[0] + beside[1]),
+            ordered("pair_number", at[0] + 1, at[1] + 1),
+            ordered("pair_amplitude", *theta),
+            ordered("pair_variance", wide / rest[0], wide / rest[1]),
+        )
+
+    def _best(self, evidence: dict[tuple[int, int], sp.Expr], best: sp.Expr) -> tuple[list[sp.Expr], sp.Expr]:
+        """Write the numbers of the two candidates of most evidence, and their J_jk."""
+        own = [p for p in evidence if p[1] < self._tested]
+
+        def of_best(name: str, values: Sequence[sp.Expr]) -> sp.Expr:
+            pieces = [(v, evidence[p] >= best) for p, v in zip(own[:-1], values[:-1], strict=True)]
+            return self._write.define(name, sp.Piecewise(*pieces, (values[-1], True), evaluate=False))
+
+        at = [of_best(f"pair_at[{r}]", [sp.Integer(p[r]) for p in own]) for r in (0, 1)]
+        return at, of_best("pair_both", [self._J[p] for p in own])
+
+    def _of(self, number: sp.Expr, name: str, values: Sequence[sp.Expr]) -> sp.Expr:
+        """Write the value of a candidate, by its number from 0."""
+        *some, last = values[: self._tested]
+        if all(v == last for v in some):
+            return last
+        pieces = [(v, number < j + 0.5) for j, v in enumerate(some)]
+        return self._write.define(name, sp.Piecewise(*pieces, (last, True), evaluate=False))
+
+    def _evidence(
+        self,
+        info: Sequence[sp.Expr],
+        size: Sequence[sp.Expr],
+        alone: Sequence[sp.Expr],
+        share: Sequence[sp.Expr],
+    ) -> dict[tuple[int, int], sp.Expr]:
+        """Write G of each pair."""
+        write, b, J, found = self._write, self._b, self._J, {}
+        part = [
+            write.define(f"pair_part[{j}]", e * s) for j, (e, s) in enumerate(zip(alone, share, strict=True))
+        ]
+        apart = [write.define(f"pair_apart[{j}]", APART * e) for j, e in enumerate(info)]
         for j, k in self._pairs:
             beside = sp.Max(info[k] - J[j, k] ** 2 / info[j], apart[k])
             q = write.define(f"pair_q[{j},{k}]", (b[k] - J[j, k] * size[j]) ** 2 / beside)
             G = part[j] + q * share[k]
             if share[j] != 1 or share[k] != 1:
                 G = sp.Max(G, part[k] + (alone[j] + q - alone[k]) * share[j])
-            evidence.append(write.define(f"pair_g[{j},{k}]", G))
-        own = [g for p, g in zip(self._pairs, evidence, strict=True) if p[1] < self._tested]
-        pairs = [p for p in self._pairs if p[1] < self._tested]
-        unknown = [g for p, g in zip(self._pairs, evidence, strict=True) if p[1] >= self._tested]
-        best = write.define("pair_best", sp.Max(*own, evaluate=False))
-        near = [chosen(g > best - self._decides, sp.S.One, sp.S.Zero) for g in own]
-        most = write.define("pair_unknown", sp.Max(sp.S.Zero, *unknown, evaluate=False))
-        tops = [g >= best for g in own]
+            found[j, k] = write.define(f"pair_g[{j},{k}]", G)
+        return found
 
-        def of_best(name: str, values: Sequence[sp.Expr]) -> sp.Expr:
-            pieces = list(zip(values[:-1], tops[:-1], strict=True))
-            return write.define(name, sp.Piecewise(*pieces, (values[-1], True), evaluate=False))
-
-        at = [of_best(f"pair_at[{r}]", [sp.Integer(p[r]) for p in pairs]) for r in (0, 1)]
-        both = of_best("pair_both", [J[p] for p in pairs])
-
-        def of_one(name: str, r: int, values: Sequence[sp.Expr]) -> sp.Expr:
-            pieces = [(v, at[r] < j + 0.5) for j, v in enumerate(values[: self._tested - 1])]
-            last = values[self._tested - 1]
-            if all(v == last for v in values):
-                return last
-            return write.define(f"{name}[{r}]", sp.Piecewise(*pieces, (last, True), evaluate=False))
-
-        i, t, h, f = (
-            [of_one(f"pair_of_{key}", r, values) for r in (0, 1)]
-            for key, values in (("info", info), ("size", size), ("alone", alone), ("share", share))
-        )
-        rest = [
-            write.define(f"pair_rest[{r}]", sp.Max(i[r] - both**2 / i[1 - r], APART * i[r])) for r in (0, 1)
+    def _verdict(
+        self,
+        evidence: dict[tuple[int, int], sp.Expr],
+        best: sp.Expr,
+        parts: Sequence[sp.Expr],
+        explained: sp.Expr,
+    ) -> tuple[sp.Expr, sp.Expr, sp.Expr]:
+        """Write whether two changes are likely, if they are the only ones, and if they are sought."""
+        write, N = self._write, len(self._bank.whitened) * self._bank.age[0]
+        unknown = [g for p, g in evidence.items() if p[1] >= self._tested]
+        near = [
+            chosen(g > best - self._decides, sp.S.One, sp.S.Zero)
+            for p, g in evidence.items()
+            if p[1] < self._tested
         ]
-        theta = [write.define(f"pair_theta[{r}]", (i[r] * t[r] - both * t[1 - r]) / rest[r]) for r in (0, 1)]
-        beside = [write.define(f"pair_beside[{r}]", theta[r] ** 2 * rest[r]) for r in (0, 1)]
-        wide = 1 / sp.Min(*f)
-        N = len(self._bank.whitened) * self._bank.age[0]
-        least = sp.Min(*(e * s for e, s in zip(beside, f, strict=True)), evaluate=False)
-        least = write.define("pair_least_part", least)
+        least = write.define("pair_least", sp.Min(*parts, evaluate=False))
         others = write.define("pair_others", sum(near, sp.S.Zero))
+        most = write.define("pair_unknown", sp.Max(sp.S.Zero, *unknown, evaluate=False))
         rival = write.define("pair_rival", sp.Max(*self._rivals, evaluate=False))
-        left = write.define("pair_left", self._energy - h[0] - beside[1] - N - LEFT * sp.sqrt(2 * N))
+        left = write.define("pair_left", self._energy - explained - N - LEFT * sp.sqrt(2 * N))
         likely = sp.And(least > self._beyond, best >= most, rival < best - self._beyond, left < 0)
         likely = write.define("pair_likely", chosen(likely, sp.S.One, sp.S.Zero))
         only = sp.And(others < sp.Float(1.5), most < best - self._decides)
         sought = write.define("pair_sought", self._rivals[-1] - self._rivals[0]) > self._decides
-        swap = write.define("pair_swap", h[1] * f[1] - h[0] * f[0]) > 0
-
-        def ordered(name: str, pair: Sequence[sp.Expr]) -> tuple[sp.Expr, sp.Expr]:
-            first, second = pair
-            return (
-                write.define(f"{name}_first", chosen(swap, second, first)),
-                write.define(f"{name}_second", chosen(swap, first, second)),
-            )
-
-        return Paired(
-            tuple(self._own),
-            self._following,
+        return (
             likely,
-            write.define(
-                "pair_only",
-                chosen(sp.And(others < sp.Float(1.5), most < best - self._decides), likely, sp.S.Zero),
-            ),
+            write.define("pair_only", chosen(only, likely, sp.S.Zero)),
             chosen(sought, sp.S.One, sp.S.Zero),
-            ordered("pair_number", [a + 1 for a in at]),
-            ordered("pair_amplitude", theta),
-            ordered("pair_variance", [wide / r for r in rest]),
         )
 
     def _share(self, j: int) -> sp.Expr:
