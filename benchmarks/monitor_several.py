@@ -127,7 +127,7 @@ def rows(runs: int = 5) -> Iterator[tuple[str, str, str, bool | None]]:
         text = ", ".join(f"{k} {n}" for k, n in told.items() if n)
         every = runs * len(PAIRS[label])
         met = told["both"] >= 0.9 * every
-        yield f"{label}, two changes {what}: named alone", f"{text} of {every}", "both 90 %", met
+        yield f"{label}, two changes {what}: named alone", f"{text}; {every} runs", "both 90 %", met
     machine, watch = machines["hovercraft"], watches["hovercraft"]
     ended = 0
     for seed in range(1, runs + 1):
