@@ -183,13 +183,19 @@ class _Gate:
 
     def _check_call(self, error: TypeError, args: tuple[Any, ...], kwargs: Mapping[str, Any]) -> None:
         """Raise a one-line error if the call has an argument too many or too few."""
+        signature = inspect.signature(self.inner)
         try:
-            inspect.signature(self.inner).bind(*args, **kwargs)
+            signature.bind(*args, **kwargs)
         except TypeError as wrong:
             known = [one.name for one in self._of(*_NAMED)]
             unknown = next((key for key in kwargs if key not in known), None)
             hint = did_you_mean(unknown, known) if unknown else f"; arguments: {', '.join(known)}"
-            said = f"got an unexpected keyword argument {unknown!r}" if unknown else wrong
+            said = f"got an unexpected keyword argument {unknown!r}" if unknown else str(wrong)
+            if said.startswith("missing"):
+                given = signature.bind_partial(*args, **kwargs).arguments
+                needed = [k for k in known if signature.parameters[k].default is inspect.Parameter.empty]
+                missing = [repr(k) for k in needed if k not in given]
+                said = f"missing required argument{'s' * (len(missing) > 1)}: {', '.join(missing)}"
             raise CallError(f"{self.name}: {said}{hint}") from error
 
     def _blame(self, error: Exception, args: tuple[Any, ...], kwargs: Mapping[str, Any]) -> None:

@@ -47,7 +47,11 @@ def test_one_line_says_function_argument_expected_and_found(arguments, said):
         ),
         (
             lambda: steer(1.0),
-            "steer: missing a required argument: 'names'; arguments: rate, names, craft, hold",
+            "steer: missing required argument: 'names'; arguments: rate, names, craft, hold",
+        ),
+        (
+            lambda: steer(hold=True),
+            "steer: missing required arguments: 'rate', 'names'; arguments: rate, names, craft, hold",
         ),
         (
             lambda: steer(1.0, [], None, True),

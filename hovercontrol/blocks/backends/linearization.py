@@ -117,6 +117,9 @@ def operating_point(
         at, inputs = at.states, at.inputs if u is None else u
     elif isinstance(at, Mapping):
         names = {s.name for s in block.inputs}
+        known = [*(s.name for s in block.states), *names]
+        for name in at:
+            check_known(block.full_state(name), known, block.where(f"no state or input {name!r}"))
         given = {name: value for name, value in at.items() if name in names}
         at = _by_name(block, "state", {name: value for name, value in at.items() if name not in names})
         inputs = _by_name(block, "input", given) if u is None else u

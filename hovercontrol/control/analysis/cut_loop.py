@@ -169,6 +169,8 @@ class CutLoop:
         known = at.inputs if isinstance(at, Trim) else at if isinstance(at, Mapping) else {}
         missing = [s.name for s in self._closed.inputs if s.name not in known]
         if missing:
+            if isinstance(at, Mapping):  # raises if a name is misspelt
+                operating_point(self._closed, {**dict.fromkeys(missing, 0.0), **at}, None, params, time)
             raise _open(self._closed, at, missing)
         given: Any = {} if at is None else at
         point = operating_point(self._closed, given, None, params, time)

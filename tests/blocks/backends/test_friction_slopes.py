@@ -185,5 +185,5 @@ def test_a_trim_of_another_block_is_refused(craft):
     other = hc.vehicle("four_fan").plant().trim()
     with pytest.raises(hc.InputError, match="has other inputs"):
         craft.linearize(other)
-    with pytest.raises(hc.InputError, match="no state 'w'"):
+    with pytest.raises(hc.InputError, match="no state or input 'w'"):
         craft.linearize({"w": 1.0})

@@ -280,7 +280,9 @@ def test_bad_input_is_refused(ellipse):
         margins(k06_loop(), "force_z")
     with pytest.raises(InputError, match="nothing drives 'surge_ref': a loop to be cut must be closed"):
         margins(k06_loop()[:2], "force_y")
-    with pytest.raises(InputError, match=r"no state 'craft\.w'; did you mean"):
+    with pytest.raises(InputError, match="'surge_rf'; did you mean 'surge_ref'"):
+        margins(k06_loop()[:2], "force_y", {"surge_rf": 1.0})
+    with pytest.raises(InputError, match=r"no state or input 'craft\.w'; did you mean"):
         margins(k06_loop(), "force_y", {"craft.w": 1.0})
     with pytest.raises(InputError, match=r"motion: no state 'craft\.u'"):
         margins_along(k06_loop(), "force_y", motion)
