@@ -52,7 +52,7 @@ def rudder_log() -> Callable[..., Log]:
     def make(
         channels: tuple[str, ...] = VELOCITY,
         *,
-        seconds: float = 40.0,
+        seconds: float = 25.0,
         seed: int = 1,
         model: Model | None = None,
         rudder: float = 0.45,
