@@ -58,6 +58,22 @@ def test_parameter_sets_of_all_parts_have_the_name_of_the_system(loop):
     assert {s.get("name") for s in sets} == {"loop"}
 
 
+def test_a_parameter_that_no_part_of_a_loaded_system_has_is_refused(loop):
+    """python-control gives each system all parameters, and none refuses those that may be another's."""
+    system, t = load(loop), np.arange(0.0, 1.025, 0.05)
+    for key in ("gain", "lau.gain", "law.gian"):
+        with pytest.raises(InputError, match=f"unknown parameter '{key}'; did you mean 'law.gain'"):
+            ct.input_output_response(system, t, params={key: 3.0})
+    found = ct.input_output_response(system, t, params={"law.gain": 3.0})
+    x = found.outputs[system.output_labels.index("x")]
+    assert x == pytest.approx(0.85 ** np.arange(len(t)), abs=1e-6)
+    outer = ct.interconnect(
+        [system, ct.tf([1], [1, 0], 0.05, name="other", inputs="x", outputs="sum")], outputs=["x"]
+    )
+    again = ct.input_output_response(outer, t, params={"law.gain": 3.0, "mass": 1.0})
+    assert again.outputs[0] == pytest.approx(x, abs=1e-9)
+
+
 def test_a_loaded_system_is_the_sampled_loop(loop):
     """x+ = x - h gain x: a tank under a sampled law."""
     system = load(loop)

@@ -11,7 +11,8 @@ from xml.etree import ElementTree
 
 import control
 
-from hovercontrol.base.errors import InputError
+from hovercontrol.base.errors import InputError, check_known
+from hovercontrol.blocks.backends.control import _Params
 from hovercontrol.fmi.importer.interface import Interface
 from hovercontrol.fmi.importer.unpacked import DESCRIPTION, describe
 from hovercontrol.fmi.ssp.names import units_of
@@ -20,6 +21,18 @@ from hovercontrol.fmi.ssp.wires import Wires
 
 #: A signal of a part in python-control's way: system, label.
 Signal = tuple[str, str]
+
+
+class FmuSystems(control.InterconnectedSystem):
+    """FMUs connected by a file; a parameter that none has is refused, where python-control skips it."""
+
+    def _update_params(self, params: Mapping[str, float] | None) -> None:
+        if not isinstance(params, _Params):  # not from another interconnection, with those of its systems
+            parts = {part.name for part in self.syslist}
+            for key in params or {}:
+                if key.split(".")[0] not in parts:  # a part checks its own
+                    check_known(key, self.params, f"system {self.name!r}: unknown parameter {key!r}")
+        super()._update_params(params)
 
 
 def load_ssp(path: Path, load: Callable[..., Any], **options: Any) -> control.InterconnectedSystem:
@@ -101,7 +114,7 @@ class _Joined:
         if not outputs:
             warnings.warn(f"{self._path}: the system has no outputs", stacklevel=4)
         into = {name: ends for name, ends in self._into.items() if ends}
-        return control.interconnect(
+        joined = control.interconnect(
             [*self._parts.values(), *self._extra],
             name=self._path.stem.replace(".", "_"),
             connections=self._inner or False,
@@ -111,6 +124,8 @@ class _Joined:
             outputs=list(outputs),
             check_unused=False,
         )
+        joined.__class__ = FmuSystems
+        return joined
 
     def _source(self, end: End | float, maps: Sequence[Map], k: int | None) -> Any:
         """Return (system, label, gain), the name of an outer input, or None for the constant 0.
