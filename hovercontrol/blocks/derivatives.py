@@ -42,7 +42,7 @@ def partial_derivatives(
         for symbol in sorted(expression.free_symbols, key=str):
             parts = {columns[symbol]: sp.S.One} if symbol in columns else through.get(symbol, {})
             if parts:
-                local = _almost_everywhere(sp.diff(expression, symbol))
+                local = _almost_everywhere(_slope(expression, symbol))
                 for j, inner in parts.items():
                     total[j] = total.get(j, sp.S.Zero) + local * inner
         return {j: value for j, value in total.items() if value != 0}
@@ -66,6 +66,16 @@ def needed_definitions(block: Block, wanted: Iterable[sp.Expr]) -> list[str]:
             needed.append(name)
             symbols |= e.free_symbols
     return needed[::-1]
+
+
+def _slope(expression: sp.Expr, symbol: sp.Symbol) -> sp.Expr:
+    """Return a derivative; signs that do not depend on the symbol are constants.
+
+    SymPy 1.14 may recurse without end where it differentiates ``p + sign(Max(..) - Max(..)) q`` by q.
+    """
+    kept = {f: sp.Dummy(real=True) for f in expression.atoms(sp.sign) if symbol not in f.free_symbols}
+    slope = sp.diff(expression.xreplace(kept), symbol)
+    return slope.xreplace({dummy: f for f, dummy in kept.items()})
 
 
 def _almost_everywhere(derivative: sp.Expr) -> sp.Expr:

@@ -123,3 +123,13 @@ def test_a_name_that_looks_like_code_is_only_a_name():
         {"x0": Signal("c0").symbol * odd.symbol + Signal("u0").symbol},
     )
     assert block.to_numpy().derivatives(0.0, [1.0], [2.0]) == pytest.approx([3.0])
+
+
+def test_a_valve_behind_a_dead_zone_has_the_jacobian_of_its_closed_form():
+    """dp/dt = k e (s - sgn(e) p)^(1/2), e the opening beyond a dead zone."""
+    p, u, d, s, k = Signal("p"), Signal("u"), Signal("d"), Signal("s"), Signal("k", "1/s")
+    e = sp.Max(0, u.symbol - d.symbol) - sp.Max(0, -u.symbol - d.symbol)
+    law = k.symbol * e * sp.sqrt(s.symbol - sp.sign(e) * p.symbol)
+    f = Block("valve", [p], [u], [p], [d, s, k], {"p": law}).to_numpy()
+    slope = f.jacobian(0.0, [2.0], [0.5], {"d": 0.1, "s": 7.0, "k": 3.0})[0, 0]
+    assert slope == pytest.approx(-3.0 * 0.4 / (2.0 * np.sqrt(5.0)))

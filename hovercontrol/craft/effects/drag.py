@@ -133,7 +133,9 @@ class _Cubic(Drag):
 
     @staticmethod
     def declared(axis: Axis) -> dict[str, Coefficient]:
-        return {"value": Coefficient(f"s/{axis.unit.removesuffix('/s')}^2", lower=0.0)}
+        bare = axis.unit.removesuffix("/s")
+        per = f"s/{bare}^2" if axis.unit.endswith("/s") and bare.isalpha() else f"1/(({axis.unit})^2*s)"
+        return {"value": Coefficient("1/s" if axis.unit == "1" else per, lower=0.0)}
 
 
 class _Stribeck(Drag):

@@ -58,10 +58,10 @@ def generic_effects(block: Block) -> Mapping[str, type[Effect]]:
     -------
     mapping of str to type of Effect
         For each equation that holds a parameter or an input: an offset, linear, quadratic, asymmetric and dry
-        (Coulomb, Stribeck, load-dependent, LuGre) friction, and a spring where the Block has the integral of
-        the state among its states; for each input an offset, a dead zone, play, hysteresis, lags of first and
-        second order, saturation and a gain for each sign, for all together a delay; for each output a bias
-        and a scale, for all together a late clock.
+        (Coulomb, Stribeck, load-dependent, LuGre) friction, cubic drag (tried only in place of others), and a
+        spring where the Block has the integral of the state among its states; for each input an offset, a
+        dead zone, play, hysteresis, lags of first and second order, saturation and a gain for each sign, for
+        all together a delay; for each output a bias and a scale, for all together a late clock.
 
     Examples
     --------
@@ -85,7 +85,7 @@ def _of_equations(block: Block) -> Iterator[type[Effect]]:
             continue
         about = (state.name, state.unit)
         yield offset(*about)
-        for law in ("linear_drag", "quadratic_drag", "coulomb", "stribeck"):
+        for law in ("linear_drag", "quadratic_drag", "coulomb", "stribeck", "cubic_drag"):
             yield drag(law, *about, state.nominal)
         yield asymmetric_drag(*about)
         drive = e - e.subs(at_rest)

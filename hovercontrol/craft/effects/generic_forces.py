@@ -38,8 +38,11 @@ def drag(ending: str, state: str, unit: str, size: float) -> type[Effect]:
     law = LAWS[ending]
     axis = Axis(state, state, unit, state, 0.01 * size, 0.2 * size, low=f"small {state}", force="")
     declared = law.along(axis)
-    sentence = declared.pop("__doc__")
-    return make_class(f"{word(state)}_{ending}", (law,), sentence, law.sources[-1], **declared, in_air=False)
+    sentence, rivals = declared.pop("__doc__"), tuple(f"{word(state)}_{rival}" for rival in law.rivals)
+    return make_class(
+        f"{word(state)}_{ending}", (law,), sentence, law.sources[-1], **declared, in_air=False,
+        mistaken_for=rivals,
+    )  # fmt: skip
 
 
 @remembered

@@ -17,7 +17,7 @@ from hovercontrol.base.errors import InputError, check_known, did_you_mean
 from hovercontrol.base.short_repr import WIDTH, listed
 from hovercontrol.blocks.block import Block
 from hovercontrol.blocks.signals import Signal
-from hovercontrol.craft.effects import Effect, Shape, effect_class
+from hovercontrol.craft.effects import Effect, Shape, effect_class, effect_names
 from hovercontrol.craft.effects.law import is_law, law_class
 
 #: What the output is called that shows a quantity as its sensor sees it, behind the quantity's name.
@@ -54,6 +54,11 @@ class EffectModel(ABC):
     def pushed(self) -> tuple[str, ...]:
         """States whose equations an effect may extend though no effect of the model acts there yet."""
         return ()
+
+    def outside(self) -> tuple[type[Effect], ...]:
+        """Return the effects that are tried only in place of others, which may be mistaken for them."""
+        every = (effect_class(name) for name in effect_names())
+        return tuple(cls for cls in every if cls.mistaken_for and self.accepts(cls))
 
     if TYPE_CHECKING:
 

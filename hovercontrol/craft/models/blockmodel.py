@@ -220,9 +220,15 @@ class BlockModel(EffectModel):
 
     def candidates(self) -> tuple[type[Effect], ...]:
         """Return the effects that could be added to the model."""
-        names = self._generic if self.catalogue is None else self.catalogue
         have = {e.name for e in self.effects}
-        return tuple(self.effect_class(name) for name in names if name not in have)
+        if self.catalogue is not None:
+            return tuple(self.effect_class(name) for name in self.catalogue if name not in have)
+        return tuple(c for name, c in self._generic.items() if name not in have and not c.mistaken_for)
+
+    def outside(self) -> tuple[type[Effect], ...]:
+        """Return the effects that are tried only in place of others, which may be mistaken for them."""
+        own = (cls for cls in self._generic.values() if cls.mistaken_for and self.accepts(cls))
+        return (*super().outside(), *own)
 
     def effect_class(self, name: str) -> type[Effect]:
         """Return the class of an effect: a known one, or a generic one of the Block.

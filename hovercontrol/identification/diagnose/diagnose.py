@@ -16,7 +16,7 @@ from hovercontrol.craft.models.blockmodel import BlockModel
 from hovercontrol.craft.models.interface import AnyModel, as_model
 from hovercontrol.fmi.replay.plant import FmuPlant
 from hovercontrol.identification.diagnose.checks import as_logs, check_fitted, check_logs
-from hovercontrol.identification.diagnose.checks.stand_ins import switched_off
+from hovercontrol.identification.diagnose.checks.stand_ins import origins, switched_off
 from hovercontrol.identification.diagnose.criteria import CRITERIA
 from hovercontrol.identification.diagnose.diagnosis import Diagnosis, numbers_of
 from hovercontrol.identification.diagnose.evidence.holdout import gap
@@ -210,6 +210,7 @@ def _diagnosed(
     tellable = yardsticks(final, lacking)
     experiment, advice = next_experiment(selection, effects, functions, lacking, Search(seed))
     warnings += switched_off(model, final.model, selection.effects)
+    warnings += origins(model, selection.effects)
     missing = missing_forces(base)
     train_before = gap(base)
     before = gap(held.before) if held.before else None

@@ -19,6 +19,9 @@ STARTS = 600
 #: Longest sub-step [s].
 STEP = 0.01
 
+#: Largest change of a predicted state by halving the sub-steps, relative to the range of the state.
+CLOSE = 1e-4
+
 #: Minimum number of horizons that must fit into the logs. Fewer do not show the scatter of the errors.
 TIMES = 10
 
@@ -81,16 +84,30 @@ def predict(fit: Fit, horizon: float, starts: int = STARTS) -> Prediction | None
     first, start_of = np.concatenate(begin, axis=1)
     last, of = np.concatenate(end, axis=1)
     t0, t1 = time[first, start_of], time[last, of]
-    t, h = problem.divided(t0, t1, STEP * problem.tempo)
     parameters = problem.parameters(fit.p)
-    u, lagged = problem.inputs.between(
-        parameters, t, np.maximum(h, 1e-12 * problem.tempo), problem.rows.log[of]
-    )
-    start = np.moveaxis(fit.path[first, start_of], 1, 0)
-    known = {i: v[:, None] for i, v in lagged.items()}
-    given = (problem.block, t[:, None], h[:, None], u[:, :, None], known, parameters, start)
-    with np.errstate(all="ignore"):
-        x = shoot(*given, euler=problem.euler)[1]
+
+    def ends(some: NDArray[np.intp], longest: float) -> Array:
+        t, h = problem.divided(t0[some], t1[some], longest)
+        u, lagged = problem.inputs.between(
+            parameters, t, np.maximum(h, 1e-12 * problem.tempo), problem.rows.log[of[some]]
+        )
+        start = np.moveaxis(fit.path[first[some], start_of[some]], 1, 0)
+        known = {i: v[:, None] for i, v in lagged.items()}
+        given = (problem.block, t[:, None], h[:, None], u[:, :, None], known, parameters, start)
+        with np.errstate(all="ignore"):
+            return np.asarray(shoot(*given, euler=problem.euler)[1])
+
+    # Sub-steps short enough for nearly all rows are too long for a few, as of an ignition: halved while they
+    # change where a prediction ends
+    step, finest = min(STEP * problem.tempo, problem.longest_piece), problem.dt.max() / problem.each.max()
+    size = np.ptp(fit.path, axis=(0, 1))[:, None]
+    moved = np.arange(of.size)
+    x = ends(moved, step)
+    while moved.size and step > finest:
+        step, before = max(0.5 * step, float(finest)), x[:, moved]
+        x[:, moved] = ends(moved, step)
+        with np.errstate(all="ignore"):
+            moved = moved[~(np.abs(x[:, moved] - before) <= CLOSE * size).all(axis=0)]
     found = problem.channels_at(x, parameters, t1, problem.rows.log[of])
     values = np.where(problem.seen[last, of], (problem.rows.values - fit.drift)[last, of], np.nan)
     return Prediction(horizon, problem.rows.channels, values - found.T, _parts(problem, horizon)[start_of])

@@ -5,7 +5,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import sympy as sp
 
+import hovercontrol as hc
 from hovercontrol.base.errors import InputError
 from hovercontrol.craft.effects import effect
 from hovercontrol.identification.diagnose import diagnose
@@ -75,6 +77,20 @@ def test_a_model_that_diverges_on_the_held_out_log_is_refuted_by_it(sloped, monk
     found = held_out(given, gather(case.model, [case.holdout]))
     assert not found.selection.effects and found.selection.final is base
     assert found.selection.leads[0].reason == "the model with it diverges on the held-out log"
+
+
+def test_a_held_out_log_on_which_the_equations_are_not_defined_is_refused():
+    level, inflow, drain = hc.Signal("h", "m", start=1.0), hc.Signal("q", "m/s"), hc.Signal("k", "m^(1/2)/s")
+    law = {"h": inflow.symbol - drain.symbol * sp.sqrt(level.symbol)}
+    tank = hc.Block("tank", [level], [inflow], [level], [drain], law).with_values({"k": 0.2})
+    rng, t = np.random.default_rng(0), np.arange(200) * 0.1
+    flow, h = np.repeat(rng.uniform(0.0, 0.4, 20), 10), np.ones(200)
+    for k in range(199):  # h' = q - k h^(1/2)
+        h[k + 1] = h[k] + 0.1 * (flow[k] - 0.2 * np.sqrt(h[k]))
+    seen = h + 1e-3 * rng.normal(size=200)
+    logs = [hc.Log("run", t, {"h": seen, "q": flow}), hc.Log("below", t, {"h": seen - 1.0, "q": flow})]
+    with pytest.raises(InputError, match="the held-out log below: the model diverges, or its equations"):
+        diagnose(tank, logs[:1], logs[1])
 
 
 def test_another_that_predicts_better_takes_the_place_of_one_that_does_not(sloped):

@@ -12,7 +12,7 @@ from hovercontrol.base.svg import Plot, bounds, ticks
 from hovercontrol.craft.effects import effect_class, effect_names
 from hovercontrol.identification.diagnose import diagnose
 from hovercontrol.identification.diagnose.criteria import CRITERIA
-from hovercontrol.identification.diagnose.evidence.holdout import Gained
+from hovercontrol.identification.diagnose.evidence.holdout import Ahead, Gained
 from hovercontrol.identification.diagnose.report import (
     gap_sentence,
     headline,
@@ -21,6 +21,7 @@ from hovercontrol.identification.diagnose.report import (
 )
 from hovercontrol.identification.diagnose.report.formatting import meaning
 from hovercontrol.identification.diagnose.report.free_run import free_run
+from hovercontrol.identification.diagnose.report.pictures import horizons
 from hovercontrol.identification.diagnose.search.leads import ASKED_FOR, Lead
 from hovercontrol.logs import Log
 
@@ -273,6 +274,12 @@ def test_free_runs_follow_the_log_and_start_on_its_path(sloping, seconds):
         assert np.abs(at_rows).max() < 0.05
     if seconds < 10:
         assert run.keeps_near()
+
+
+def test_an_error_of_a_prediction_that_diverges_is_drawn_at_the_upper_end():
+    far = [Ahead(h, "T", "K", before, 2.0, 0.0) for h, before in ((0.2, 3.0), (0.5, np.inf))]
+    (picture,) = horizons(far, True, {"T": 0.1})
+    assert "nan" not in picture and "inf" not in picture and picture.count("<circle") == 4
 
 
 def test_ticks_are_round_and_inside():

@@ -7,12 +7,13 @@ import pytest
 
 import hovercontrol as hc
 from hovercontrol.craft.effects import effect
+from hovercontrol.craft.models.interface import as_model
 from hovercontrol.identification.diagnose.criteria import CRITERIA
 from hovercontrol.identification.diagnose.diagnose import diagnose
 from hovercontrol.identification.diagnose.search.base import base_fit
 from hovercontrol.identification.diagnose.search.fit import Search, Tried, reduced_fit, try_effect
 from hovercontrol.identification.diagnose.search.rules import candidate_count, passes, why_not
-from hovercontrol.identification.diagnose.search.select import select
+from hovercontrol.identification.diagnose.search.select import _hidden, _sized, select
 from hovercontrol.identification.engine.data import gather
 from hovercontrol.identification.engine.fit import refit
 from hovercontrol.identification.engine.prior import prior_of
@@ -47,6 +48,27 @@ def test_what_is_there_is_named_with_its_gain(dragged):
     assert abs(p[j] - truth) < 4.0 * np.sqrt(found.final.covariance[j, j])
     assert [name for name, _ in found.steps] == ["yaw_quadratic_drag"]
     assert found.without["yaw_quadratic_drag"] is found.base
+
+
+def test_dry_friction_that_the_table_cannot_show_is_fitted_from_the_size_of_what_is_missing():
+    x, v, F, c = (hc.Signal(n, u) for n, u in (("x", "m"), ("v", "m/s"), ("F", "m/s^2"), ("c", "1/s")))
+    cart = hc.Block("cart", [x, v], [F], [x], [c], {"x": v.symbol, "v": F.symbol - c.symbol * v.symbol})
+    rng, h = np.random.default_rng(0), 0.02
+    push, state, seen = np.repeat(rng.uniform(-1.0, 1.0, 20), 25), np.zeros(2), np.zeros(500)
+    for k in range(500):
+        seen[k] = state[0]
+        for _ in range(20):  # friction of 0.3 m/s^2
+            state = state + h / 20 * np.array([state[1], push[k] - 0.3 * np.tanh(state[1] / 1e-3)])
+    model = as_model(cart.with_values({"c": 0.5}))
+    log = hc.Log("run", h * np.arange(500), {"x": seen + 1e-4 * rng.normal(size=500), "F": push})
+    base = base_fit(model, gather(model, [log]))
+    names = ["v_coulomb", "v_stribeck"]
+    search = Search(model, names, CRITERIA, lambda what: None, [], [])
+    tried = {a.last.name: a.last for a in _hidden(search, base, search.scores(base), [])}
+    assert sorted(tried) == names
+    assert tried["v_coulomb"].fit.model.effect("v_coulomb").values["value"] == pytest.approx(0.3, rel=0.1)
+    none = model.effect_class("v_coulomb")(0.0)
+    assert _sized(base, none).values["value"] == pytest.approx(base.noise.process[0])
 
 
 def test_nothing_is_named_where_nothing_is_missing():

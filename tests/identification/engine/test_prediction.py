@@ -5,6 +5,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+import hovercontrol as hc
+from hovercontrol.craft.models.interface import as_model
 from hovercontrol.identification.engine.prediction import horizons, predict
 
 
@@ -72,3 +74,19 @@ def test_predictions_are_those_of_the_model(fit, cart):
 def test_a_slow_machine_is_judged_farther_ahead(fit):
     assert horizons(fit) == pytest.approx((0.5, 1.25, 2.5))  # 5 s would fit six times only
     assert horizons(fit, (0.5, 1.0)) == pytest.approx((0.5, 1.0))
+
+
+def test_a_few_fast_rows_are_predicted_as_exactly_as_the_others(fitted):
+    """x' = g (1 - x) - k u x: a valve u opens for one row in 200, and x falls within a tenth of a row."""
+    x, u = hc.Signal("x", start=1.0), hc.Signal("u")
+    g, k = hc.Signal("g", "1/s", start=0.5), hc.Signal("k", "1/s", start=2e3)
+    law = {"x": g.symbol * (1 - x.symbol) - k.symbol * u.symbol * x.symbol}
+    flask, t = hc.Block("flask", [x], [u], [x], [g, k], law), 0.02 * np.arange(1500)
+    open_ = (np.arange(1500) % 200 == 100).astype(float)
+    rate, rows = 0.5 + 2e3 * open_, np.ones(1500)
+    for i in range(1499):  # exact from row to row
+        goal = 0.5 / rate[i]
+        rows[i + 1] = goal + (rows[i] - goal) * np.exp(-0.02 * rate[i])
+    seen = rows + 1e-3 * np.random.default_rng(0).normal(size=1500)
+    fit = fitted(as_model(flask), [hc.Log("run", t, {"x": seen, "u": open_})])
+    assert predict(fit, 0.5).rms["x"] == pytest.approx(1e-3, rel=0.15)

@@ -71,8 +71,25 @@ def with_functions(
     if only_noise(final, criteria) and not flexible:
         return found
     search = Search(model, None, criteria, report, rows)
-    found = _without_doubtful(found, flexible, criteria, rows)
+    wrong = _of_wrong_form(found.selection, criteria, rows)
+    found = _without_doubtful(found, wrong, flexible)
     report("looking for what acts in one regime only")
+    again, seen = _with_found(search, given, found, data, model)
+    if again is None and wrong and found.selection.effects:  # these were found beside names that are wrong
+        found = without(given, given.selection.effects, "its form, or that of an effect beside it, is wrong")
+        again, more = _with_found(search, given, found, data, model)
+        seen = seen or more
+    if again is not None:
+        return again
+    regions = () if only_noise(final, criteria) else tuple(same[0][0] for same in seen)
+    return replace(given, selection=replace(given.selection, regions=regions))
+
+
+def _with_found(
+    search: Search, given: HeldOut, found: HeldOut, data: Data | None, model: Subject
+) -> tuple[HeldOut | None, list[list[tuple[Local, Array]]]]:
+    """Return a search with the functions that it lacks, None if none is named; and all that gain."""
+    criteria, rows = search.criteria, search.trace
     final, added = found.selection.final, dict[str, int]()
     seen = _locals(final, criteria, rows)
     likely = function_names(final, [one for same in seen for one in same], model, criteria, rows)
@@ -80,23 +97,20 @@ def with_functions(
         t = _fitted(search, final, [one for one in likely if one[0].equation == equation])
         if t is not None:
             final, added[t.name] = t.fit, likely[0][0].among
-    regions = () if only_noise(given.selection.final, criteria) else tuple(same[0][0] for same in seen)
-    unnamed = replace(given, selection=replace(given.selection, regions=regions))
     if not added:
-        return unnamed
+        return None, seen
     more = _selected(search, found.selection, final, added)
-    report("predicting the held-out logs with the functions")
+    search.report("predicting the held-out logs with the functions")
     again = _shown(held_out(more, data, criteria, rows), added, found.selection.final, criteria)
-    named = any(n in added for n in again.selection.effects)
-    likelier = _cost(again.selection.final, criteria) < _cost(given.selection.final, criteria)
-    return again if named and (likelier or not flexible) else unnamed
+    before = given.selection.final
+    flexible = any(before.model.effect(n).flexible for n in given.selection.effects)
+    likelier = _cost(again.selection.final, criteria) < _cost(before, criteria)
+    named = any(n in added for n in again.selection.effects) and (likelier or not flexible)
+    return (again if named else None), seen
 
 
-def _without_doubtful(
-    found: HeldOut, flexible: Sequence[str], criteria: Criteria, rows: list[Decision]
-) -> HeldOut:
+def _without_doubtful(found: HeldOut, wrong: Mapping[str, float], flexible: Sequence[str]) -> HeldOut:
     """Return a search without the names whose form is wrong, or whose many numbers may stand for others."""
-    wrong = _of_wrong_form(found.selection, criteria, rows)
     if wrong:
         reason = f"its form is wrong: a function of its own signals gains {max(wrong.values()):.3g} more"
         return without(found, list(wrong), reason)

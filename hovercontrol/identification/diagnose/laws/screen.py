@@ -59,11 +59,14 @@ class Screened:
         Laws of the same forms in other equations.
     tests : float
         The effective number of independent laws that were looked at (:func:`effective_tests`).
+    forces : dict of str to float
+        Gains of the forces of the catalogue on the same table.
     """
 
     laws: list[LikelyLaw]
     elsewhere: list[str]
     tests: float
+    forces: dict[str, float]
 
 
 def effective_tests(correlations: Array) -> float:
@@ -161,7 +164,13 @@ class _Screening:
                 found.setdefault(likely.name, likely)
         there = {e.name for e, open_ in zip(self.laws, self.open, strict=True) if open_}
         others = [n for n in elsewhere(self.scores.fit.problem.model, list(found)) if n in there]
-        return Screened(sorted(found.values(), key=lambda s: -s.gain), others, self.tests)
+        return Screened(sorted(found.values(), key=lambda s: -s.gain), others, self.tests, self._forces())
+
+    def _forces(self) -> dict[str, float]:
+        found: dict[str, float] = {}
+        for i, known in enumerate(self.scores.tried[len(self.laws) :], len(self.laws)):
+            found[known.name] = max(self.scores.left_out_gain(i), found.get(known.name, 0.0))
+        return found
 
     def _likely(self, i: int, gain: float) -> LikelyLaw:
         """Return a law with those that these logs do not tell from it, under the name of the simplest."""

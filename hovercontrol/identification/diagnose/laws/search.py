@@ -1,6 +1,7 @@
 """The search for laws that are in no catalogue.
 
-The catalogue is searched first. Where it leaves more than noise, all forms of the grammar are screened on one
+The catalogue is searched first. Where it leaves more than noise, or needs several effects (quadratic drag and
+dry friction may stand for one cubic drag), all forms of the grammar are screened on one
 table (:mod:`.screen`), and the few best are searched beside the catalogue by the same steps: fit, confirm,
 challenge, hold out. The same forms in the other equations are searched with them: a law that differs from one
 of the few in its place only is told from it or told as its rival, and a force off the centre of mass acts in
@@ -9,8 +10,8 @@ two equations. Laws that the screening does not tell apart are compared by fits,
 A law stands in place of what the catalogue named, where it is surely likelier, and not beside it in the same
 equation: beside a true name a form may stand for what has none. In an equation of its own it stands beside.
 A name that a law of as few numbers surely beats is no name, whether the law is named or not; one that a law
-only beats by less has the law for a rival. A law that promises less than half of what the names took is not
-fitted, unless it acts in an equation of its own.
+only beats by less has the law for a rival. A law that promises less than half of what the names took, and of
+what they promised on its table, is not fitted, unless it acts in an equation of its own.
 
 Among hundreds of forms one may stand for what has no form there: a load that swings makes thrust seem weaker
 in surge than in sway. Such a remainder is told from noise by its innovations
@@ -75,7 +76,7 @@ def with_laws(
         As for :func:`.select`.
     """
     selection, base = found.selection, found.selection.base
-    if only_noise(selection.final, criteria):
+    if only_noise(selection.final, criteria) and len(selection.effects) < 2:
         return found
     names = law_names(base.problem.model)
     report(f"screening {len(names)} laws")
@@ -86,7 +87,8 @@ def with_laws(
     rows.extend(Decision("score", s.name, rule, s.gain, least, s.gain >= least) for s in few)
     beside = in_own_equations(few, selection)
     taken = base.cost - selection.final.cost
-    if not few or (few[0].gain < TRIALS.half * taken and not beside):
+    promised = max((g for n, g in screening.forces.items() if n in selection.effects), default=taken)
+    if not few or (few[0].gain < TRIALS.half * min(taken, promised) and not beside):
         return found
     known = [cls.name for cls in catalogue(base.problem.model) if beside or cls.name not in selection.effects]
     asked = [*known, *(s.name for s in few), *screening.elsewhere]
@@ -162,13 +164,13 @@ def _decided(selection: Selection, criteria: Criteria) -> Selection:
 
 
 def _with_rivals(selection: Selection, more: Selection, criteria: Criteria) -> Selection:
-    """Return a selection of the catalogue with a likelier law as the rival of its one name."""
+    """Return a selection of the catalogue with a likelier law as the rival of its one name, or of several."""
     gained = criteria.penalised(selection.final) - criteria.penalised(more.final)
-    if gained <= 0.0 or not len(selection.effects) == len(more.effects) == 1:
+    if gained <= 0.0 or len(more.effects) > 1:
         return selection
-    (name,), (law,) = selection.effects, more.effects
-    rival = Rival(law, name, -gained, -surely(selection.final, more.final), more.final)
-    return replace(selection, rivals=(*selection.rivals, rival))
+    (law,), t = more.effects, -surely(selection.final, more.final)
+    rivals = (Rival(law, name, -gained, t, more.final) for name in selection.effects)
+    return replace(selection, rivals=(*selection.rivals, *rivals))
 
 
 def _without_beaten(found: HeldOut, more: Selection) -> HeldOut:

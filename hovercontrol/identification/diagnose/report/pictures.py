@@ -59,7 +59,7 @@ def horizons(far: Sequence[Ahead], changed: bool, noise: Mapping[str, float]) ->
         at = np.array([a.horizon for a in own])
         sides = {"before": np.array([a.before for a in own])}
         sides |= {"after": np.array([a.after for a in own])} if changed else {}
-        top = max([noise[channel], *(float(np.nanmax(y)) for y in sides.values())])
+        top = max(noise[channel], *(float(y[np.isfinite(y)].max(initial=0.0)) for y in sides.values()))
         plot = Plot((0.0, 1.2 * float(at.max())), (0.0, 1.08 * top), f"error of {channel}", (360.0, 160.0))
         plot.line(np.array(plot.x), np.full(2, noise[channel]), "whole")
         for kind, y in sides.items():

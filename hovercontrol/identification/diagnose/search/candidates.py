@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from hovercontrol.base.errors import InputError
 from hovercontrol.blocks.units import BASE, dimension
-from hovercontrol.craft.effects import Effect, Shape, effect_class, effect_names
+from hovercontrol.craft.effects import Effect, Shape
 from hovercontrol.craft.effects.drag import per_second
 from hovercontrol.craft.effects.law import Law
 from hovercontrol.identification.engine.fit import Fit
@@ -100,8 +100,7 @@ def catalogue(model: Subject, names: Sequence[str] | None = None) -> list[type[E
 def effects_outside_catalogue(model: Subject, names: Sequence[str] | None = None) -> list[str]:
     """Return the effects outside the catalogue that a model may lack, without those in `names`."""
     have = {*(e.name for e in model.effects), *(names or ())}
-    known = (effect_class(n) for n in effect_names() if n not in have)
-    return [cls.name for cls in known if cls.mistaken_for and model.accepts(cls)]
+    return [cls.name for cls in model.outside() if cls.name not in have]
 
 
 def candidates(fit: Fit, names: Sequence[str] | None = None) -> list[Candidate]:

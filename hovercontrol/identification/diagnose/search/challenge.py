@@ -180,7 +180,8 @@ def _contenders(search: Search, less: Fit, named: Tried) -> list[tuple[Effect, S
         name: (t.fit.model.effect(name), others[name].members[0])
         for before, name, t in search.made
         for where, chosen, first in search.made
-        if t and first and where is before and chosen == named.name and name in others
+        if t and first and where is before and chosen == named.name
+        if name in others and others[name].members[0] not in same
         if abs(_cost(search, t.fit) - _cost(search, first.fit)) < criteria.apart
     }
     good = [one.members[0] for name, one in others.items() if one.gain > asked and name not in level]

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from hovercontrol.base.errors import InputError
 from hovercontrol.identification.diagnose.criteria import CRITERIA, Criteria
 from hovercontrol.identification.diagnose.evidence.effect_evidence import Evidence
 from hovercontrol.identification.diagnose.evidence.holdout import Gained, Horizons, ahead, gained, held_fit
@@ -17,6 +18,7 @@ from hovercontrol.identification.diagnose.search.leads import Lead
 from hovercontrol.identification.diagnose.search.trace import Decision
 from hovercontrol.identification.engine.data import Data
 from hovercontrol.identification.engine.fit import Fit
+from hovercontrol.identification.engine.subject import Subject
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +78,7 @@ def held_out(
         return HeldOut(selection, {n: _of_training(selection, n) for n in selection.effects})
     same = earlier is not None and earlier.selection.base is selection.base
     before = earlier.before if earlier is not None and same else None
-    before = before or held_fit(selection.base.model, data)
+    before = before or _of_given(selection.base.model, data)
     found = _on(selection, before)
     instead = _better(found, criteria)
     if instead is not None:
@@ -102,6 +104,15 @@ def held_out(
         if several:
             break
     return found
+
+
+def _of_given(model: Subject, data: Data) -> Fit:
+    """Return the fit of the given model to the held-out logs, which it must be able to follow."""
+    try:
+        return held_fit(model, data)
+    except FloatingPointError as error:
+        names = ", ".join(m.name for m in data.logs)
+        raise InputError(f"{_held(data)} {names}: {error}: are all values there possible?") from error
 
 
 def _held(data: Data) -> str:

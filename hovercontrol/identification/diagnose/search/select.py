@@ -211,24 +211,29 @@ def _hidden(search: Search, current: Fit, scores: Scores, found: Sequence[Added]
     fits: list[Added] = []
     for s in scores.best():
         e = s.candidate.trial
-        fading = e.fades() and e.axis in axes
-        if e.name in done or not (fading or (s.allowed and top is not None and top.kin(e))):
+        near_rest = (e.fades() or e.friction_width()) and e.axis in axes
+        if e.name in done or not (near_rest or (s.allowed and top is not None and top.kin(e))):
             continue
-        t = search.once(current, _sized(problem.model, s.effect))
+        t = search.once(current, _sized(current, s.effect))
         fits += [Added((), current, t)] if t else []
     return fits
 
 
-def _sized(model: Subject, e: Effect) -> Effect:
+def _sized(current: Fit, e: Effect) -> Effect:
     """Return a drag of at least half the size of the model's own along its axis, in the same unit.
 
-    A fit from the table's size, near zero for a drag that the table cannot show, ends where it began.
+    Dry friction without one has at least the size of what is missing along its axis. A fit from the table's
+    size, near zero for a drag that the table cannot show, ends where it began.
     """
-    own = [o for o in model.effects if o.kin(e) and "value" in o.numbers and "value" in e.numbers]
-    alike = [o for o in own if o.numbers["value"].unit == e.numbers["value"].unit]
-    if not alike:
+    if "value" not in e.numbers:
         return e
-    value = max(abs(e.values["value"]), 0.5 * max(abs(o.values["value"]) for o in alike))
+    own = [o for o in current.problem.model.effects if o.kin(e) and "value" in o.numbers]
+    alike = [o for o in own if o.numbers["value"].unit == e.numbers["value"].unit]
+    sizes = [0.5 * abs(o.values["value"]) for o in alike]
+    if not alike and e.friction_width():
+        missing = dict(zip(current.noise.driven, current.noise.process.tolist(), strict=True))
+        sizes = [missing.get(e.axis, 0.0)]
+    value = max(abs(e.values["value"]), *sizes, 0.0)
     return e.within_bounds(**{**e.values, "value": value})
 
 

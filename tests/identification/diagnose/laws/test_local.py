@@ -9,12 +9,15 @@ import hovercontrol as hc
 from hovercontrol.craft.effects.law import Factor
 from hovercontrol.craft.models.interface import as_model
 from hovercontrol.identification.diagnose.criteria import CRITERIA
+from hovercontrol.identification.diagnose.laws import local
 from hovercontrol.identification.diagnose.laws.local import _fitted, function_names, own_signals
 from hovercontrol.identification.diagnose.laws.nearest import nearest
 from hovercontrol.identification.diagnose.laws.regions import acting_side, region_of
 from hovercontrol.identification.diagnose.laws.scan import Local, Scan
 from hovercontrol.identification.diagnose.search.base import base_fit
+from hovercontrol.identification.diagnose.search.confirm import Selection
 from hovercontrol.identification.diagnose.search.fit import Search
+from hovercontrol.identification.diagnose.search.hold_out import HeldOut
 from hovercontrol.identification.engine.data import gather
 
 x, v, F = hc.Signal("x", "m"), hc.Signal("v", "m/s"), hc.Signal("F", "N")
@@ -125,3 +128,27 @@ def test_a_law_of_two_signals_acts_on_no_side():
     ship = as_model(hc.Block("ship", [sway, turn], [], [sway, turn], [a, b], rates))
     law = ship.effect_class("law_r__abs_v__r")(-0.6)
     assert acting_side(ship, ship.with_effects([law]), law) == []
+
+
+def test_names_found_beside_a_wrong_form_go_with_it_if_no_function_is_found_beside_them(monkeypatch):
+    """A cubic law imitated an overflow beside a bias: the fit with the bias alone shows nothing."""
+    known = SimpleNamespace(effect=lambda name: SimpleNamespace(flexible=False))
+    base, final, beside = (SimpleNamespace(model=known) for _ in range(3))
+    names, told = ("law_h__cub_h", "h_bias"), SimpleNamespace(t=5.0, n=8)
+    fits = dict(zip(names, (beside, final), strict=True))
+    selection = Selection(
+        base, final, names, dict.fromkeys(names, 50.0), dict.fromkeys(names, told), without=fits
+    )
+    asked = []
+
+    def with_found(search, given, found, data, model):
+        asked.append((found.selection.final, found.selection.effects))
+        return None, []
+
+    monkeypatch.setattr(local, "only_noise", lambda fit, criteria: False)
+    monkeypatch.setattr(local, "_of_wrong_form", lambda *_: {"law_h__cub_h": 63.0})
+    monkeypatch.setattr(local, "_with_found", with_found)
+    given = HeldOut(selection, {})
+    kept = local.with_functions(given, model(), None)
+    assert asked == [(beside, ("h_bias",)), (base, ())]
+    assert kept.selection.effects == names
