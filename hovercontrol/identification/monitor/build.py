@@ -9,6 +9,7 @@ import numpy as np
 
 from hovercontrol.base.errors import InputError, shown
 from hovercontrol.blocks.block import Block
+from hovercontrol.identification.diagnose.checks.units import refuse_units
 from hovercontrol.identification.monitor.candidates import Craft
 from hovercontrol.identification.monitor.monitor import monitor
 from hovercontrol.identification.monitor.noise import FIRST_SECONDS, first_part, noise_from, trained_model
@@ -73,9 +74,13 @@ def build(
     Raises
     ------
     InputError
-        As of the fit and of :func:`~hovercontrol.identification.monitor.monitor.monitor`.
+        If a log's units contradict each other; as of the fit and of
+        :func:`~hovercontrol.identification.monitor.monitor.monitor`.
     """
     report = progress or (lambda part, what: None)
+    for one in (log, train):
+        if one is not None:
+            refuse_units(model, one)
     channels = list(measured) if measured else channels_of(model, log)
     period = model.period or period_of(log, channels)
 

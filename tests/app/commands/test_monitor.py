@@ -43,6 +43,9 @@ def folder(tmp_path_factory):
     log("sound").save(path / "sound.csv")
     log("same", seed=2).save(path / "same.csv")
     log("drag", change=0.4, seed=3).save(path / "drag.csv")
+    t = PERIOD * np.arange(200)
+    pose = {"x": np.sin(0.3 * t), "y": np.cos(0.3 * t), "psi": -0.3 * t}
+    Log("degrees", t, {**pose, "thrust": 0.5 + 0 * t, "rudder": 20.0 * np.sin(t)}).save(path / "degrees.csv")
     return path
 
 
@@ -127,6 +130,7 @@ def test_a_growing_file_is_followed_until_ctrl_c(folder, tmp_path):
         (["drag.csv", *OPTIONS, "--false-alarms-per-hour", "-1"], "expected a positive number, found -1"),
         (["drag.csv", *OPTIONS, "--measured", "w"], "'w'"),
         (["sound.csv", *OPTIONS], "sound.csv is given twice"),
+        (["degrees.csv", "--vehicle", "c17_simulation"], "column 'rudder': expected"),
         (["drag.csv", *OPTIONS[:-1], "c,vbias"], "unknown name 'vbias'; did you mean 'v_bias'?"),
     ],
 )
