@@ -62,12 +62,13 @@ def with_symbols(expression: sp.Expr, swap: Mapping[sp.Symbol, sp.Symbol]) -> sp
     >>> with_symbols(sp.Max(a, b) + sp.sin(b), {b: c})
     sin(c) + Max(a, c)
     """
-    done: dict[sp.Basic, sp.Basic] = dict(swap)
+    done: dict[sp.Basic, sp.Basic] = {}
 
     def changed(e: sp.Basic) -> sp.Basic:
-        if e in done or not e.args:
-            return done.get(e, e)
-        done[e] = rebuilt(e, [changed(a) for a in e.args])
+        if not e.args:
+            return swap.get(e, e)
+        if e not in done:
+            done[e] = rebuilt(e, [changed(a) for a in e.args])
         return done[e]
 
     return changed(expression)

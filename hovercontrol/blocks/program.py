@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from copy import copy
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 import sympy as sp
@@ -152,7 +153,7 @@ def _in_order(
     stack: list[tuple[sp.Symbol | None, Iterable[sp.Symbol]]] = []
 
     def needs(e: sp.Expr) -> Iterable[sp.Symbol]:
-        return iter(sorted((s for s in e.free_symbols if s in bodies), key=str))
+        return iter(sorted((s for s in e.free_symbols if s in bodies), key=attrgetter("name")))
 
     for result in results:
         stack.append((None, needs(result)))

@@ -1,5 +1,6 @@
 """Write a Block as one readable C99 file: names kept, one comment per equation, no memory allocation.
 
+Long functions are loops over arrays, with the first and the last equation in the comment (:mod:`.c_loops`).
 The file defines ``hc_model`` of ``fmu/hc_model.h``: derivatives, outputs, dry frictions, Jacobian, ticks.
 """
 
