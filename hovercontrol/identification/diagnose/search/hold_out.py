@@ -112,7 +112,8 @@ def _of_given(model: Subject, data: Data) -> Fit:
         return held_fit(model, data)
     except FloatingPointError as error:
         names = ", ".join(m.name for m in data.logs)
-        raise InputError(f"{_held(data)} {names}: {error}: are all values there possible?") from error
+        where = "there a value may be impossible, or a state that is not measured far from its start value"
+        raise InputError(f"{_held(data)} {names}: {error}: {where}") from error
 
 
 def _held(data: Data) -> str:
