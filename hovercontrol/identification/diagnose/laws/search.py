@@ -1,7 +1,7 @@
 """The search for laws that are in no catalogue.
 
-The catalogue is searched first. Where it leaves more than noise, or needs several effects (quadratic drag and
-dry friction may stand for one cubic drag), all forms of the grammar are screened on one
+The catalogue is searched first. Where it leaves more than noise, or needs several effects in one equation
+(quadratic drag and dry friction may stand for one cubic drag), all forms of the grammar are screened on one
 table (:mod:`.screen`), and the few best are searched beside the catalogue by the same steps: fit, confirm,
 challenge, hold out. The same forms in the other equations are searched with them: a law that differs from one
 of the few in its place only is told from it or told as its rival, and a force off the centre of mass acts in
@@ -76,7 +76,7 @@ def with_laws(
         As for :func:`.select`.
     """
     selection, base = found.selection, found.selection.base
-    if only_noise(selection.final, criteria) and len(selection.effects) < 2:
+    if only_noise(selection.final, criteria) and not _together(selection):
         return found
     names = law_names(base.problem.model)
     report(f"screening {len(names)} laws")
@@ -130,6 +130,12 @@ def in_own_equations(few: Sequence[LikelyLaw], selection: Selection) -> bool:
     taken = {equation for where in acting for equation in where}
     reaching = any(not equation.endswith("'") for equation in taken)  # a command or a sensor
     return bool(acting) and not reaching and any(f"{s.trials[s.name].equation}'" not in taken for s in few)
+
+
+def _together(selection: Selection) -> bool:
+    """Return whether two named effects act in one equation, so that both may stand for one law there."""
+    acting = [set(acts_in(selection.final, n).split()) for n in selection.effects]
+    return sum(map(len, acting)) > len(set().union(*acting))
 
 
 def _random(more: Selection, criteria: Criteria, rows: list[Decision]) -> bool:
