@@ -22,8 +22,8 @@ COVERAGE ?=
 test: .venv/tests check  ## style, types, all tests that are not marked slow; the slowest at the end
 	$(PYTEST) $(COVERAGE) -m "not slow"
 
-test-slow: .venv/tests  ## the tests that are marked slow: only their files are collected
-	$(PYTEST) -m slow $$(grep -rl --include='test_*.py' 'mark[.]slow' tests | sort)
+test-slow: .venv/tests  ## the tests that are marked slow
+	$(PYTEST) -m slow
 
 test-all: .venv/tests check  ## the same and the slow ones
 	$(PYTEST)
