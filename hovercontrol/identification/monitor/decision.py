@@ -31,8 +31,8 @@ from hovercontrol.blocks.signals import Signal
 from hovercontrol.control.observers.ins.kalman import Equations, chosen
 from hovercontrol.identification.monitor.bank import Bank
 from hovercontrol.identification.monitor.candidates import Candidate
-from hovercontrol.identification.monitor.pairs import Paired, pair
-from hovercontrol.identification.monitor.refined import DECIDES, DOUBTED, Refined, Start, refine, within
+from hovercontrol.identification.monitor.pairs import LEFT, Paired, pair
+from hovercontrol.identification.monitor.refined import DECIDES, DOUBTED, FAR, Refined, Start, refine, within
 from hovercontrol.identification.monitor.sized import Sized
 
 #: Error of the linear response to a change, as a part of it. Measured: see `benchmarks/monitor.py`.
@@ -139,7 +139,9 @@ def decide(
         for c, row in zip([*candidates, *unknowns], scores, strict=True)
     ]
     J = len(candidates)
-    best, most, possible, lost, in_play = _in_play(write, refuted, largest, J)
+    forces = {j: floors[j].symbol for j, c in enumerate(unknowns, J) if c.rates}
+    outdone = _outdone(write, candidates, len(forces), bank, limits)
+    best, most, possible, lost, in_play = _in_play(write, refuted, outdone, largest, J)
     likeliest = write.define("best_in_play", sp.Max(*in_play, evaluate=False))
     at = [(j, w) for j, row in enumerate(scores) for w in range(len(row))]
     tops = [sp.And(scores[j][w] >= in_play[j], in_play[j] >= likeliest) for j, w in at]
@@ -155,7 +157,6 @@ def decide(
     age = of_best("best_age", [bank.age[w] for _, w in at])
     energy = of_best("best_energy", [bank.energy[w] for _, w in at])
     start = Start(b / info, most, likeliest, info, energy, len(channels) * age)
-    forces = {j: floors[j].symbol for j, c in enumerate(unknowns, J) if c.rates}
     refined = refine(
         write, bank, plant, which, alarm, start, after, limits, sized, moves, turns, segment, J,
         _lasting(candidates), forces,
@@ -201,8 +202,51 @@ def _limited_evidence(
     ]
 
 
+def _outdone(
+    write: Equations,
+    candidates: Sequence[Candidate],
+    forces: int,
+    bank: Bank,
+    limits: Sequence[tuple[sp.Expr, sp.Expr]],
+) -> list[sp.Expr]:
+    """Write for each candidate and unknown acceleration if another candidate explains far more, and enough.
+
+    They are compared on the samples between the alarm and this tick, by the sums of :mod:`.pairs`: the error
+    at the alarm is estimated, and the response linearised at the estimate. A candidate is outdone if another
+    one explains them 100 times as well and leaves noise. Lags are not, since their response at another size
+    has another shape, nor are errors of sensors, which the error at the alarm imitates.
+    """
+    J = len(candidates)
+    if J < 2:
+        return [sp.false] * (J + forces)
+
+    def sums(key: str) -> sp.Symbol:
+        return sp.Symbol(f"pair_{key}", real=True)
+
+    h = [
+        write.define(
+            f"after_alarm[{j}]", likelihood(sums(f"b[{j}]"), sp.Max(sums(f"J[{j},{j}]"), 1e-300), *limits[j])
+        )
+        for j in range(J + forces)
+    ]
+    best, N = (
+        write.define("most_after_alarm", sp.Max(*h[:J], evaluate=False)),
+        len(bank.whitened) * (bank.age[0] - 1),
+    )
+    fits = sums("energy") - best - N < LEFT * sp.sqrt(2 * sp.Max(N, 0))
+    least = write.define(
+        "least_after_alarm", chosen(fits, best - DECIDES * sp.Max(*bank.dispersion), -sp.Float(FAR))
+    )
+    spared = {*_lasting(candidates), *(j for j, c in enumerate(candidates) if c.seen)}
+    return [sp.false if j in spared else g < least for j, g in enumerate(h)]
+
+
 def _in_play(
-    write: Equations, refuted: Sequence[Signal], largest: Sequence[sp.Expr], J: int
+    write: Equations,
+    refuted: Sequence[Signal],
+    outdone: Sequence[sp.Expr],
+    largest: Sequence[sp.Expr],
+    J: int,
 ) -> tuple[sp.Expr, sp.Expr, list[sp.Expr], sp.Expr, list[sp.Expr]]:
     """Write which of the J candidates are possible, and what may be named: unknown changes only if none is.
 
@@ -210,9 +254,15 @@ def _in_play(
     none is, and the evidence of each that may be named, else -1.
     """
     best = write.define("evidence", sp.Max(*largest[:J], evaluate=False))
-    most = write.define("most_evidence", sp.Max(best, *largest[J:], evaluate=False))
-    least = write.define("least", sp.Max(least_evidence(best), most - sp.Float(DECIDES)))
-    possible = [sp.And(s.symbol < sp.S.Half, g >= least) for s, g in zip(refuted, largest, strict=False)]
+    rest = [sp.false] * (len(largest) - len(outdone))
+    left = [
+        g if out == sp.false else write.define(f"left_evidence[{j}]", chosen(out, -sp.S.One, g))
+        for j, (out, g) in enumerate(zip([*outdone, *rest], largest, strict=True))
+    ]
+    likely = write.define("best_left", sp.Max(*left[:J], evaluate=False))
+    most = write.define("most_evidence", sp.Max(likely, *left[J:], evaluate=False))
+    least = write.define("least", sp.Max(0, least_evidence(likely), most - sp.Float(DECIDES)))
+    possible = [sp.And(s.symbol < sp.S.Half, g >= least) for s, g in zip(refuted, left, strict=False)]
     lost = write.define("any_possible", chosen(sp.Or(*possible), sp.S.One, sp.S.Zero)) < sp.S.Half
     may = [*possible, *[lost] * (len(largest) - J)]
     in_play = [
