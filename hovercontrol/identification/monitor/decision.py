@@ -140,8 +140,9 @@ def decide(
     ]
     J = len(candidates)
     forces = {j: floors[j].symbol for j, c in enumerate(unknowns, J) if c.rates}
-    outdone = _outdone(write, candidates, len(forces), bank, limits)
-    best, most, possible, lost, in_play = _in_play(write, refuted, outdone, largest, J)
+    several = Signal("several", "1", "1 if two changes are likely")
+    after_alarm = _after_alarm(write, candidates, len(forces), bank, limits, several.symbol)
+    best, most, possible, lost, in_play = _in_play(write, refuted, after_alarm, largest, J)
     likeliest = write.define("best_in_play", sp.Max(*in_play, evaluate=False))
     at = [(j, w) for j, row in enumerate(scores) for w in range(len(row))]
     tops = [sp.And(scores[j][w] >= in_play[j], in_play[j] >= likeliest) for j, w in at]
@@ -181,8 +182,9 @@ def decide(
         s.name: chosen(sp.And(refutes, sp.Abs(which - (j + 1)) < sp.S.Half), sp.S.One, s.symbol)
         for j, s in enumerate(refuted)
     }
+    following[several.name] = paired.likely
     values = {s.name: e for s, e in outputs.items()}
-    return Decision(tuple(outputs), values, alarm, refined, paired, tuple(refuted), following)
+    return Decision(tuple(outputs), values, alarm, refined, paired, (*refuted, several), following)
 
 
 def _limited_evidence(
@@ -202,23 +204,48 @@ def _limited_evidence(
     ]
 
 
-def _outdone(
+@dataclass(frozen=True)
+class AfterAlarm:
+    """What the samples between the alarm and this tick say of each candidate alone.
+
+    Attributes
+    ----------
+    outdone, near, safe : list of sympy.Expr
+        For each candidate and unknown acceleration, whether another one explains them far more, and enough;
+        for each candidate, whether it does nearly as well as the best, and whether no unknown acceleration
+        does.
+    """
+
+    outdone: list[sp.Expr]
+    near: list[sp.Expr]
+    safe: list[sp.Expr]
+
+
+def _after_alarm(
     write: Equations,
     candidates: Sequence[Candidate],
     forces: int,
     bank: Bank,
     limits: Sequence[tuple[sp.Expr, sp.Expr]],
-) -> list[sp.Expr]:
-    """Write for each candidate and unknown acceleration if another candidate explains far more, and enough.
+    several: sp.Expr,
+) -> AfterAlarm:
+    """Write which candidates explain the samples after the alarm, by the sums of :mod:`.pairs`.
 
-    They are compared on the samples between the alarm and this tick, by the sums of :mod:`.pairs`: the error
-    at the alarm is estimated, and the response linearised at the estimate. A candidate is outdone if another
-    one explains them 100 times as well and leaves noise. Lags are not, since their response at another size
-    has another shape, nor are errors of sensors, which the error at the alarm imitates.
+    There the error at the alarm is estimated, and the response linearised at the estimate. With h the
+    evidence of each and H the largest, that of a candidate which leaves noise where no two changes are
+    likely, one with ``h < H - D`` is outdone. Lags are not, since their response at another size has another
+    shape, nor are errors of sensors, which the error at the alarm imitates.
+
+    Parameters
+    ----------
+    forces : int
+        Number of unknown accelerations.
+    several : sympy.Expr
+        1 if two changes were likely at the tick before.
     """
     J = len(candidates)
     if J < 2:
-        return [sp.false] * (J + forces)
+        return AfterAlarm([sp.false] * (J + forces), [sp.false] * J, [sp.false] * J)
 
     def sums(key: str) -> sp.Symbol:
         return sp.Symbol(f"pair_{key}", real=True)
@@ -229,22 +256,26 @@ def _outdone(
         )
         for j in range(J + forces)
     ]
-    best, N = (
-        write.define("most_after_alarm", sp.Max(*h[:J], evaluate=False)),
-        len(bank.whitened) * (bank.age[0] - 1),
-    )
-    fits = sums("energy") - best - N < LEFT * sp.sqrt(2 * sp.Max(N, 0))
-    least = write.define(
-        "least_after_alarm", chosen(fits, best - DECIDES * sp.Max(*bank.dispersion), -sp.Float(FAR))
-    )
+    best = write.define("most_after_alarm", sp.Max(*h[:J], evaluate=False))
+    unknown = write.define("unknown_after_alarm", sp.Max(*h[J:], evaluate=False)) if forces else sp.S.Zero
+    N, D = len(bank.whitened) * (bank.age[0] - 1), DECIDES * sp.Max(*bank.dispersion)
+    fits = sp.And(several < sp.S.Half, sums("energy") - best - N < LEFT * sp.sqrt(2 * sp.Max(N, 0)))
+    least = write.define("least_after_alarm", chosen(fits, best - D, -sp.Float(FAR)))
+    top = sp.Max(best, unknown)
+    enough = write.define("near_after_alarm", chosen(sp.And(fits, best > 2 * D), top - D, sp.Float(FAR)))
+    sure = write.define("safe_after_alarm", chosen(sp.And(fits, unknown < best - D), best, sp.Float(FAR)))
     spared = {*_lasting(candidates), *(j for j, c in enumerate(candidates) if c.seen)}
-    return [sp.false if j in spared else g < least for j, g in enumerate(h)]
+    return AfterAlarm(
+        [sp.false if j in spared else g < least for j, g in enumerate(h)],
+        [sp.false if j in spared else g >= enough for j, g in enumerate(h[:J])],
+        [sp.false if j in spared else g >= sure for j, g in enumerate(h[:J])],
+    )
 
 
 def _in_play(
     write: Equations,
     refuted: Sequence[Signal],
-    outdone: Sequence[sp.Expr],
+    after: AfterAlarm,
     largest: Sequence[sp.Expr],
     J: int,
 ) -> tuple[sp.Expr, sp.Expr, list[sp.Expr], sp.Expr, list[sp.Expr]]:
@@ -254,15 +285,19 @@ def _in_play(
     none is, and the evidence of each that may be named, else -1.
     """
     best = write.define("evidence", sp.Max(*largest[:J], evaluate=False))
-    rest = [sp.false] * (len(largest) - len(outdone))
+    rest = [sp.false] * (len(largest) - len(after.outdone))
     left = [
         g if out == sp.false else write.define(f"left_evidence[{j}]", chosen(out, -sp.S.One, g))
-        for j, (out, g) in enumerate(zip([*outdone, *rest], largest, strict=True))
+        for j, (out, g) in enumerate(zip([*after.outdone, *rest], largest, strict=True))
     ]
     likely = write.define("best_left", sp.Max(*left[:J], evaluate=False))
     most = write.define("most_evidence", sp.Max(likely, *left[J:], evaluate=False))
-    least = write.define("least", sp.Max(0, least_evidence(likely), most - sp.Float(DECIDES)))
-    possible = [sp.And(s.symbol < sp.S.Half, g >= least) for s, g in zip(refuted, left, strict=False)]
+    least = write.define("least", sp.Max(0, least_evidence(likely)))
+    beside = write.define("least_beside_unknown", most - sp.Float(DECIDES))
+    possible = [
+        sp.And(sp.Or(s.symbol < sp.S.Half, safe), g >= least, sp.Or(g >= beside, near))
+        for s, g, near, safe in zip(refuted, left, after.near, after.safe, strict=False)
+    ]
     lost = write.define("any_possible", chosen(sp.Or(*possible), sp.S.One, sp.S.Zero)) < sp.S.Half
     may = [*possible, *[lost] * (len(largest) - J)]
     in_play = [
