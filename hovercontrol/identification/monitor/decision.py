@@ -29,10 +29,11 @@ import sympy as sp
 
 from hovercontrol.blocks.signals import Signal
 from hovercontrol.control.observers.ins.kalman import Equations, chosen
+from hovercontrol.identification.monitor.after_alarm import AfterAlarm, after_alarm, lasting, likelihood
 from hovercontrol.identification.monitor.bank import Bank
 from hovercontrol.identification.monitor.candidates import Candidate
-from hovercontrol.identification.monitor.pairs import LEFT, Paired, pair
-from hovercontrol.identification.monitor.refined import DECIDES, DOUBTED, FAR, Refined, Start, refine, within
+from hovercontrol.identification.monitor.pairs import Paired, pair
+from hovercontrol.identification.monitor.refined import DECIDES, DOUBTED, Refined, Start, refine
 from hovercontrol.identification.monitor.sized import Sized
 
 #: Error of the linear response to a change, as a part of it. Measured: see `benchmarks/monitor.py`.
@@ -65,16 +66,6 @@ class Decision:
     paired: Paired
     states: tuple[Signal, ...]
     next_values: dict[str, sp.Expr]
-
-
-def likelihood(b: sp.Expr, information: sp.Expr, lower: sp.Expr, upper: sp.Expr) -> sp.Expr:
-    """Return g, the largest ``2 b theta - I theta^2`` with theta between bounds."""
-    if lower.is_infinite and upper.is_infinite:
-        return b**2 / information
-    if lower == 0 and upper.is_infinite:
-        return sp.Max(0, b) ** 2 / information
-    theta = within(b / information, lower, upper)
-    return theta * (2 * b - information * theta)
 
 
 def least_evidence(best: sp.Expr) -> sp.Expr:
@@ -141,26 +132,13 @@ def decide(
     J = len(candidates)
     forces = {j: floors[j].symbol for j, c in enumerate(unknowns, J) if c.rates}
     several = Signal("several", "1", "1 if two changes are likely")
-    after_alarm = _after_alarm(write, candidates, len(forces), bank, limits, several.symbol)
-    best, most, possible, lost, in_play = _in_play(write, refuted, after_alarm, largest, J)
+    since = after_alarm(write, candidates, len(forces), bank, limits, several.symbol)
+    best, most, possible, lost, in_play = _in_play(write, refuted, since, largest, J)
     likeliest = write.define("best_in_play", sp.Max(*in_play, evaluate=False))
-    at = [(j, w) for j, row in enumerate(scores) for w in range(len(row))]
-    tops = [sp.And(scores[j][w] >= in_play[j], in_play[j] >= likeliest) for j, w in at]
-
-    def of_best(name: str, values: Sequence[sp.Expr]) -> sp.Expr:
-        pairs = list(zip(values[:-1], tops[:-1], strict=True))
-        return write.define(name, sp.Piecewise(*pairs, (values[-1], True), evaluate=False))
-
-    which = of_best("which", [sp.Integer(j + 1) for j, _ in at])
-    b = of_best("best_b", [bank.score[j][w] for j, w in at])
-    info = sp.Max(of_best("best_J", [bank.information[j][w] for j, w in at]), 1e-300)
-    of_best("best_window", [sp.Integer(w) for _, w in at])
-    age = of_best("best_age", [bank.age[w] for _, w in at])
-    energy = of_best("best_energy", [bank.energy[w] for _, w in at])
-    start = Start(b / info, most, likeliest, info, energy, len(channels) * age)
+    which, age, start = _start(write, bank, scores, in_play, likeliest, most)
     refined = refine(
         write, bank, plant, which, alarm, start, after, limits, sized, moves, turns, segment, J,
-        _lasting(candidates), forces,
+        lasting(candidates), forces,
     )  # fmt: skip
     paired = pair(
         write, bank, plant, latched, likeliest * refined.phi * after, refined.phi, refined.likelihoods, J,
@@ -187,6 +165,31 @@ def decide(
     return Decision(tuple(outputs), values, alarm, refined, paired, (*refuted, several), following)
 
 
+def _start(
+    write: Equations,
+    bank: Bank,
+    scores: Sequence[Sequence[sp.Expr]],
+    in_play: Sequence[sp.Expr],
+    likeliest: sp.Expr,
+    most: sp.Expr,
+) -> tuple[sp.Expr, sp.Expr, Start]:
+    """Write the number of the likeliest change, from 1, its age, and the start of its estimate."""
+    at = [(j, w) for j, row in enumerate(scores) for w in range(len(row))]
+    tops = [sp.And(scores[j][w] >= in_play[j], in_play[j] >= likeliest) for j, w in at]
+
+    def of_best(name: str, values: Sequence[sp.Expr]) -> sp.Expr:
+        pairs = list(zip(values[:-1], tops[:-1], strict=True))
+        return write.define(name, sp.Piecewise(*pairs, (values[-1], True), evaluate=False))
+
+    which = of_best("which", [sp.Integer(j + 1) for j, _ in at])
+    b = of_best("best_b", [bank.score[j][w] for j, w in at])
+    info = sp.Max(of_best("best_J", [bank.information[j][w] for j, w in at]), 1e-300)
+    of_best("best_window", [sp.Integer(w) for _, w in at])
+    age = of_best("best_age", [bank.age[w] for _, w in at])
+    energy = of_best("best_energy", [bank.energy[w] for _, w in at])
+    return which, age, Start(b / info, most, likeliest, info, energy, len(bank.whitened) * age)
+
+
 def _limited_evidence(
     write: Equations,
     bank: Bank,
@@ -202,74 +205,6 @@ def _limited_evidence(
         ]
         for j, (row, infos, floor, limit) in enumerate(each)
     ]
-
-
-@dataclass(frozen=True)
-class AfterAlarm:
-    """What the samples between the alarm and this tick say of each candidate alone.
-
-    Attributes
-    ----------
-    outdone, near, safe : list of sympy.Expr
-        For each candidate and unknown acceleration, whether another one explains them far more, and enough;
-        for each candidate, whether it does nearly as well as the best, and whether no unknown acceleration
-        does.
-    """
-
-    outdone: list[sp.Expr]
-    near: list[sp.Expr]
-    safe: list[sp.Expr]
-
-
-def _after_alarm(
-    write: Equations,
-    candidates: Sequence[Candidate],
-    forces: int,
-    bank: Bank,
-    limits: Sequence[tuple[sp.Expr, sp.Expr]],
-    several: sp.Expr,
-) -> AfterAlarm:
-    """Write which candidates explain the samples after the alarm, by the sums of :mod:`.pairs`.
-
-    There the error at the alarm is estimated, and the response linearised at the estimate. With h the
-    evidence of each and H the largest, that of a candidate which leaves noise where no two changes are
-    likely, one with ``h < H - D`` is outdone. Lags are not, since their response at another size has another
-    shape, nor are errors of sensors, which the error at the alarm imitates.
-
-    Parameters
-    ----------
-    forces : int
-        Number of unknown accelerations.
-    several : sympy.Expr
-        1 if two changes were likely at the tick before.
-    """
-    J = len(candidates)
-    if J < 2:
-        return AfterAlarm([sp.false] * (J + forces), [sp.false] * J, [sp.false] * J)
-
-    def sums(key: str) -> sp.Symbol:
-        return sp.Symbol(f"pair_{key}", real=True)
-
-    h = [
-        write.define(
-            f"after_alarm[{j}]", likelihood(sums(f"b[{j}]"), sp.Max(sums(f"J[{j},{j}]"), 1e-300), *limits[j])
-        )
-        for j in range(J + forces)
-    ]
-    best = write.define("most_after_alarm", sp.Max(*h[:J], evaluate=False))
-    unknown = write.define("unknown_after_alarm", sp.Max(*h[J:], evaluate=False)) if forces else sp.S.Zero
-    N, D = len(bank.whitened) * (bank.age[0] - 1), DECIDES * sp.Max(*bank.dispersion)
-    fits = sp.And(several < sp.S.Half, sums("energy") - best - N < LEFT * sp.sqrt(2 * sp.Max(N, 0)))
-    least = write.define("least_after_alarm", chosen(fits, best - D, -sp.Float(FAR)))
-    top = sp.Max(best, unknown)
-    enough = write.define("near_after_alarm", chosen(sp.And(fits, best > 2 * D), top - D, sp.Float(FAR)))
-    sure = write.define("safe_after_alarm", chosen(sp.And(fits, unknown < best - D), best, sp.Float(FAR)))
-    spared = {*_lasting(candidates), *(j for j, c in enumerate(candidates) if c.seen)}
-    return AfterAlarm(
-        [sp.false if j in spared else g < least for j, g in enumerate(h)],
-        [sp.false if j in spared else g >= enough for j, g in enumerate(h[:J])],
-        [sp.false if j in spared else g >= sure for j, g in enumerate(h[:J])],
-    )
 
 
 def _in_play(
@@ -339,11 +274,6 @@ def _both(
     shown = write.define("pair_shown", chosen(doubt, sp.S.One, two))
     mine = [[sp.Abs(shown * k - (j + 1)) < half for k in paired.numbers] for j in range(len(possible))]
     return two, [sp.Or(sp.And(p, two < half), *own) for p, own in zip(possible, mine, strict=True)]
-
-
-def _lasting(candidates: Sequence[Candidate]) -> list[int]:
-    """Return the numbers, from 0, of candidates with a memory: lags and delays."""
-    return [j for j, c in enumerate(candidates) if c.memory or c.delay]
 
 
 def _scores(

@@ -21,7 +21,8 @@ For their evidence G each part is divided by its dispersion: h_j by phi_j, and q
 orders. Unknown accelerations stand beside the candidates. With ``D = 2 ln(1/error)`` and M pairs of
 candidates, two changes are likely if all of these hold:
 
-- each explains more than ``D + 2 ln M`` beside the other one;
+- each explains more than ``D + 2 ln M`` beside the other one, and more than the response to the other one
+  leaves if it is not linear by a part :data:`BENT`;
 - no pair with an unknown acceleration has a larger G;
 - G is above what the samples' likelihoods say, since the alarm, for what was named in turn, and for
   accelerations that wander (:mod:`.judged`), by ``D + 2 ln M``;
@@ -49,6 +50,10 @@ from hovercontrol.identification.monitor.bank import Bank
 
 #: Standard deviations beyond which what two changes leave is more than noise.
 LEFT = 2.0
+
+#: Error of the linear response to a change at the estimate, as a part of it: it leaves the square of this
+#: part of the evidence, which another change may seem to explain.
+BENT = 0.1
 
 #: Part of its information that a change has beside another one, at least: below, both are alike.
 APART = 1e-4
@@ -308,7 +313,9 @@ class _Pairs:
         most = write.define("pair_unknown", sp.Max(sp.S.Zero, *unknown, evaluate=False))
         rival = write.define("pair_rival", sp.Max(*self._rivals, evaluate=False))
         left = write.define("pair_left", self._energy - explained - N - LEFT * sp.sqrt(2 * N))
-        likely = sp.And(least > self._beyond, best >= most, rival < best - self._beyond, left < 0)
+        likely = sp.And(
+            least > sp.Max(self._beyond, BENT**2 * best), best >= most, rival < best - self._beyond, left < 0
+        )
         likely = write.define("pair_likely", chosen(likely, sp.S.One, sp.S.Zero))
         only = sp.And(others < sp.Float(1.5), most < best - self._decides)
         sought = write.define("pair_sought", self._rivals[-1] - self._rivals[0]) > self._decides
