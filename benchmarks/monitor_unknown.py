@@ -10,14 +10,19 @@ is not alone.
 
 from __future__ import annotations
 
+import itertools
 import sys
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from benchmarks.monitor_sizes import JUDGED, MACHINES, ONSET, PERIOD, monitor_of, runs_of
+from benchmarks.monitor_sizes import JUDGED, MACHINES, ONSET, PERIOD, Machine, monitor_of, runs_of
 from hovercontrol.identification.monitor.monitor import named_effects
+
+Array = NDArray[np.float64]
 
 #: Two sizes of each change.
 CHANGES: dict[str, dict[str, tuple[float, float]]] = {
@@ -34,37 +39,61 @@ CHANGES: dict[str, dict[str, tuple[float, float]]] = {
 }  # fmt: skip
 
 
+@dataclass(frozen=True)
+class Judged:
+    """A run: the change, its samples, the monitor's outputs, and the tick 5 s after the alarm (-1: none)."""
+
+    name: str
+    size: float
+    data: Mapping[str, Array]
+    out: Mapping[str, Array]
+    tick: int
+    found: str = ""
+
+    @property
+    def kind(self) -> str:
+        """What is said: none, unknown, ALONE for a name alone, or else "or"."""
+        if self.tick < 0:
+            return "none"
+        if self.found.startswith("unknown_"):
+            return "unknown"
+        possible = sum(v[self.tick] > 0.5 for o, v in self.out.items() if o.startswith("possible_"))
+        return "or" if possible > 1 else "ALONE"
+
+
+def judged(label: str, machine: Machine, runs: int) -> Iterator[Judged]:
+    watch = monitor_of(machine)
+    compiled, every = watch.compile(), named_effects(watch)
+    outputs = [s.name for s in watch.outputs]
+    for name, sizes in CHANGES[label].items():
+        for size in sizes:
+            for data in runs_of(machine, name, size, range(1, runs + 1)):
+                t = PERIOD * np.arange(len(next(iter(data.values()))))
+                inputs = {s.name: data.get(s.name, 0 * t) for s in watch.inputs}
+                out = dict(zip(outputs, compiled.simulate(t, inputs).outputs, strict=True))
+                late = np.flatnonzero((out["alarm"] > 0.5) & (t >= ONSET))
+                if not late.size:
+                    yield Judged(name, size, data, out, -1)
+                    continue
+                k = min(int(late[0]) + round(JUDGED / PERIOD), t.size - 1)
+                yield Judged(name, size, data, out, k, every[int(out["effect"][k]) - 1])
+
+
 def rows(runs: int = 4, machines: Sequence[str] = ()) -> Iterator[tuple[str, str, str, bool | None]]:
     total: Counter[str] = Counter()
     for label in machines or MACHINES:
-        machine = MACHINES[label](True)
-        watch = monitor_of(machine)
-        compiled, every = watch.compile(), named_effects(watch)
-        outputs = [s.name for s in watch.outputs]
-        for name, sizes in CHANGES[label].items():
-            for size in sizes:
-                told: Counter[str] = Counter()
-                for data in runs_of(machine, name, size, range(1, runs + 1)):
-                    t = PERIOD * np.arange(len(next(iter(data.values()))))
-                    inputs = {s.name: data.get(s.name, 0 * t) for s in watch.inputs}
-                    out = dict(zip(outputs, compiled.simulate(t, inputs).outputs, strict=True))
-                    late = np.flatnonzero((out["alarm"] > 0.5) & (t >= ONSET))
-                    if not late.size:
-                        told["none"] += 1
-                        continue
-                    k = min(late[0] + round(JUDGED / PERIOD), t.size - 1)
-                    found = every[int(out["effect"][k]) - 1]
-                    others = sum(out[o][k] > 0.5 for o in outputs if o.startswith("possible_"))
-                    told[
-                        found
-                        if found.startswith("unknown_")
-                        else f"{found}{' or' if others > 1 else ' ALONE'}"
-                    ] += 1
-                said = ", ".join(f"{n} {count}" for n, count in told.items())
-                for n, count in told.items():
-                    kind = "unknown" if n.startswith("unknown_") else n.rpartition(" ")[2]
-                    total[kind] += count
-                yield f"{label}, {name} {size:g}", said, "", None
+        every = judged(label, MACHINES[label](True), runs)
+        for (name, size), some in itertools.groupby(every, lambda run: (run.name, run.size)):
+            told: Counter[str] = Counter()
+            for run in some:
+                total[run.kind] += 1
+                told[run.found if run.kind == "unknown" else f"{run.found} {run.kind}".strip()] += 1
+            yield (
+                f"{label}, {name} {size:g}",
+                ", ".join(f"{n} {count}" for n, count in told.items()),
+                "",
+                None,
+            )
     yield "all", ", ".join(f"{n} {count}" for n, count in total.items()), "", None
 
 

@@ -8,8 +8,9 @@ part of :data:`.pairs.BENT`, and if no two changes are likely. Then, with ``D = 
 exceeds noise by,
 
 - one with ``h < H - D - 2 R'`` is outdone;
-- a candidate above that, also beside the unknown accelerations, is possible, whatever the tests from the
-  onset say of an unknown acceleration: these are linearised before the change;
+- if ``H > 2 D``, so that a candidate above that has evidence of its own, it is possible where no unknown
+  acceleration has more by that either, whatever the tests from the onset say of these: they are linearised
+  before the change;
 - the candidate of H is safe if all unknown accelerations are outdone: what has refuted it was wrong.
 
 Lags are never outdone, since their response at another size has another shape, nor are errors of sensors,
